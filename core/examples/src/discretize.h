@@ -1,4 +1,4 @@
-// Zero-order hold of a linear system.
+// Discretizes a linear system with zero-order hold.
 #pragma once
 
 #include <Eigen/Core>
@@ -7,12 +7,12 @@
 
 namespace marble::examples {
 
-/// x⁺ = state · x + input · u after a step of ẋ = A x + B u with u held.
+/// x⁺ = state · x + input · u after a step of ẋ = A x + B u with constant u.
 struct Discrete {
   Eigen::MatrixXd state, input;
 };
 
-/// state · x + input · u − x⁺ = 0, of variables that follow each other from these on.
+/// Adds the rows state · x + input · u − x⁺ = 0, for consecutive variables that begin at these indices.
 void add_step(Model& model, const Discrete& step, Index next_state, Index state, Index input);
 
 [[nodiscard]] Discrete zero_order_hold(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B, double step_s);

@@ -9,8 +9,8 @@ namespace {
 
 constexpr int kStates = 9;  // position, velocity, roll, pitch, yaw
 constexpr int kInputs = 4;  // thrust deviation, body rates
-// Variables of one gate in one step: progress γ, its control μ, slack s (3), parts of the norm e⁺, e⁻ (3
-// each).
+// Variables of one gate in one step: progress γ, its control μ, slack s (3), positive and negative parts e⁺,
+// e⁻ of the error (3 each).
 enum {
   kProgress,
   kControl,
@@ -24,8 +24,8 @@ Discrete dynamics(const GatesParameters& p) {
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(kStates, kStates);
   Eigen::MatrixXd B = Eigen::MatrixXd::Zero(kStates, kInputs);
   A.block(0, 3, 3, 3).setIdentity();
-  A(3, 7) = p.gravity;   // pitch pulls forward
-  A(4, 6) = -p.gravity;  // roll pulls sideways
+  A(3, 7) = p.gravity;   // pitch accelerates forward
+  A(4, 6) = -p.gravity;  // roll accelerates sideways
   B(5, 0) = 1.0 / p.mass;
   B.block(6, 1, 3, 3).setIdentity();
   return zero_order_hold(A, B, p.step_s);

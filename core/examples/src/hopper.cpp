@@ -14,7 +14,7 @@ OwnedProblem hopper(const HopperParameters& p) {
   for (int k = 0; k < p.steps; ++k) {
     const auto at = [k](int variable) { return hopper_index(k, variable); };
     const auto before = [k](int variable) { return hopper_index(k - 1, variable); };
-    // Symplectic Euler: a value is its predecessor plus h times its rate; the first predecessor is the
+    // Symplectic Euler: a value is its predecessor plus h times its rate. The first predecessor is the
     // initial state.
     const auto integrate = [&](int variable, double initial, const Terms& rate, double constant_rate) {
       Terms terms = {{at(variable), 1.0}};

@@ -7,7 +7,7 @@ namespace {
 
 SparseMatrix compressed(Index rows, Index columns, const Triplets& entries, const char* name) {
   auto matrix = compress(rows, columns, entries, name);
-  if (!matrix) throw std::logic_error(matrix.error().message());  // a generator's own mistake, not a user's
+  if (!matrix) throw std::logic_error(matrix.error().message());  // a generator's error, not a user's
   return std::move(*matrix);
 }
 

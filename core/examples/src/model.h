@@ -1,4 +1,4 @@
-// Writes an LCQP down the way one writes it on paper: rows of terms, squares of terms.
+// Builds an LCQP in mathematical notation: rows of terms, squares of terms.
 #pragma once
 
 #include <string>
@@ -20,14 +20,14 @@ class Model {
 
   void equal_zero(const Terms& terms, double constant = 0.0) { equalities_.add(terms, constant); }
   void at_least_zero(const Terms& terms, double constant = 0.0) { inequalities_.add(terms, constant); }
-  /// −bound ≤ terms ≤ bound
+  /// Adds −bound ≤ terms ≤ bound.
   void within(const Terms& terms, double bound);
-  /// 0 ≤ s ⊥ t ≥ 0
+  /// Adds 0 ≤ s ⊥ t ≥ 0.
   void complementary(const Terms& s, double s_constant, const Terms& t, double t_constant);
   /// Adds ½ weight (terms + constant)² to the objective.
   void add_square(double weight, const Terms& terms, double constant = 0.0);
 
-  /// Adds weight · variable.
+  /// Adds weight · variable to the objective.
   void add_linear(double weight, Index variable) { gradient_[static_cast<std::size_t>(variable)] += weight; }
 
   [[nodiscard]] OwnedProblem problem() const;
@@ -48,7 +48,7 @@ class Model {
   Rows equalities_, inequalities_, left_, right_;
 };
 
-/// The part of the sum of two rows.
+/// Returns the terms of the sum of two rows.
 [[nodiscard]] inline Terms operator+(Terms a, const Terms& b) {
   a.insert(a.end(), b.begin(), b.end());
   return a;

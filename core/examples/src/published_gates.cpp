@@ -25,8 +25,8 @@ constexpr struct {
                    {{2.0, 3.0, 2.0}, 0.0},
                    {{-4.0, 6.0, 0.5}, 20.0 * kDegree}};
 
-// Variables of one step: position, attitude and velocity; of each gate its error, the control of its
-// progress, what the error is too far above and below, and its progress; inputs, but for the last step.
+// Variables of one step: position, attitude and velocity; for each gate its error, the control of its
+// progress, the excess of the error above and below, and its progress; inputs, except in the last step.
 enum { kAttitude = 3, kVelocity = 6, kStates = 9, kInputs = 4 };
 enum { kError, kControl = 3, kAbove = 4, kBelow = 7, kProgress = 10, kGateVariables = 11 };
 constexpr Index kStep = kStates + kGates * kGateVariables + kInputs;
@@ -48,7 +48,7 @@ Discrete dynamics(double step_s) {
 
 void move(Model& model, int k, const Discrete& step, double step_s) {
   add_step(model, step, state(k + 1, 0), state(k, 0), input(k, 0));
-  for (int i = 0; i < kInputs; ++i) {  // thrust, as what it is more than the weight, and rates
+  for (int i = 0; i < kInputs; ++i) {  // thrust, as the excess over the weight, and rates
     model.at_least_zero({{input(k, i), 1.0}}, i == 0 ? kGravity : kRate[i - 1]);
     model.at_least_zero({{input(k, i), -1.0}}, i == 0 ? 3.0 * kGravity : kRate[i - 1]);
     model.add_square(step_s, {{input(k, i), 1.0}}, i == 0 ? kGravity : 0.0);

@@ -9,14 +9,14 @@ constexpr double kStepS = 0.05;
 constexpr double kGravity = 9.81;
 constexpr double kFriction = 0.1;
 constexpr double kLegScale = 90.0;      // N, of the leg's force
-constexpr double kContactScale = 30.0;  // N, of the ground's
+constexpr double kContactScale = 30.0;  // N, of the ground's force
 constexpr double kSlipScale = 1.0 / 20.0;
-constexpr double kGoalStep = 0.04;  // m a step
+constexpr double kGoalStep = 0.04;  // m per step
 constexpr double kEdge[4] = {0.5, 0.75, 1.0, 2.0};
 constexpr double kRise[4] = {0.1, 0.1, 0.1, -0.3};
 
-// Variables of one step: state after it, forces, slips, and sign, multipliers above and below of each edge
-// (17).
+// Variables of one step: state after it, forces, slips, and for each edge the sign and the multipliers above
+// and below (17).
 enum {
   kFootX,
   kFootZ,
@@ -35,15 +35,14 @@ constexpr Index sign(int k, int j) { return at(k, kEdges + 3 * j); }
 constexpr Index above(int k, int j) { return sign(k, j) + 1; }
 constexpr Index below(int k, int j) { return sign(k, j) + 2; }
 
-// A value less its predecessor, times a factor; before the first step all are zero.
+// Returns a value minus its predecessor, times a factor; before the first step all values are zero.
 Terms change(int k, int variable, double factor) {
   Terms terms = {{at(k, variable), factor}};
   if (k > 0) terms.push_back({at(k - 1, variable), -factor});
   return terms;
 }
 
-// Backward Euler, masses of 1 kg. What the leg carries at rest is not counted as its force: both weights
-// stand on the foot.
+// Backward Euler, masses of 1 kg. The leg's force excludes its load at rest: both weights act on the foot.
 void move(Model& model, int k) {
   for (int d = 0; d < 2; ++d) {
     model.equal_zero(change(k, kFootX + d, 1.0) + Terms{{at(k, kVelocity + d), -kStepS}});
@@ -75,7 +74,8 @@ void touch(Model& model, int k) {
   model.complementary(distance + slips, constant, {{at(k, kContact + 1), 1.0}}, 0.0);  // (15)
 }
 
-// The state is weighed where a step begins, from the second on, and at the end against a point further on.
+// Weighs the state at the beginning of each step from the second on, and the final state against a goal
+// farther ahead.
 void add_cost(Model& model, int k) {
   const double on_the_way[8] = {10.0, 0.0, 10.0, 0.0, 0.1, 0.1, 0.1, 0.1};
   const double at_the_end[8] = {1e3, 0.0, 1e3, 1e3, 1e-2, 1e-2, 1e-2, 1e-2};

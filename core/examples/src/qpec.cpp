@@ -11,7 +11,7 @@ namespace {
 using Matrix = Eigen::MatrixXd;
 using Column = Eigen::VectorXd;
 
-// The standard's distributions differ between libraries; its engines do not.
+// Uses only the standard's engines, because its distributions differ between libraries.
 class Source {
  public:
   explicit Source(std::uint64_t seed) : engine_(seed) {}
@@ -55,7 +55,7 @@ OwnedProblem qpec(const QpecParameters& p, std::uint64_t seed) {
   const Matrix N = source.matrix(n_y, n_x);
   const Matrix C = source.matrix(p.constraints, n_x);
 
-  // A feasible point: of each pair y > 0, both 0 (degenerate), or w > 0.
+  // A feasible point: in each pair y > 0, or both are 0 (degenerate), or w > 0.
   Column x(n_x);
   for (double& entry : x) entry = source.symmetric();
   Column y = Column::Zero(n_y);
@@ -68,8 +68,8 @@ OwnedProblem qpec(const QpecParameters& p, std::uint64_t seed) {
 
   OwnedProblem q;
   q.name = "qpec-" + std::to_string(n) + "-" + std::to_string(seed);
-  // The product's rounding is not symmetric: where a sum cancels, a mirror image differs too much for
-  // Problem.
+  // The rounding of the product is not symmetric. If a sum cancels, a mirror image differs by more than
+  // Problem accepts.
   const Matrix Q = 3.0 / n * root * root.transpose() + 0.1 * Matrix::Identity(n, n);
   q.Q = sparse(Q.selfadjointView<Eigen::Upper>(), "Q");
   q.g.resize(static_cast<std::size_t>(n));

@@ -55,7 +55,7 @@ OwnedProblem rocket(const RocketParameters& p) {
 
   const double weight = p.mass * p.gravity;
   for (int k = 0; k < p.steps; ++k) {
-    // (18), (19): the trigger and the triggered values, each split into its parts.
+    // (18), (19): the trigger and the triggered values, each split into its positive and negative parts.
     const Terms triggered[3] = {{{at(k, kX), 1.0}, {at(k, kTheta), -p.half_length}},  // (22): x − ℓθ
                                 {{at(k, kX), 1.0}, {at(k, kTheta), p.half_length}},   // (23): x + ℓθ
                                 {{at(k, kTheta), 1.0}, {at(k, kGimbal), 1.0}}};       // (24): θ + α
@@ -67,7 +67,7 @@ OwnedProblem rocket(const RocketParameters& p) {
       model.equal_zero(split + triggered[i]);
       violation.push_back({at(k, kHoldMinus + i), 1.0});
     }
-    model.complementary({{at(k, kTriggerPlus), 1.0}}, 0.0, violation, 0.0);  // (20), one pair for the three
+    model.complementary({{at(k, kTriggerPlus), 1.0}}, 0.0, violation, 0.0);  // (20), one pair for all three
 
     model.at_least_zero({{at(k, kTriggerMinus), 1.0}});
     for (int i = 0; i < 6; ++i) model.at_least_zero({{at(k, kHoldPlus + i), 1.0}});

@@ -25,7 +25,7 @@ ScenarioProblem OneNumberWorlds::worlds(std::vector<double> of_numbers) const {
 OneNumberWorlds rocket_by_altitude() {
   OneNumberWorlds result;
   result.base = published_rocket();
-  // A step has 7 states, 8 variables of the trigger, and but for the last one 2 inputs.
+  // A step has 7 states, 8 variables of the trigger and, except in the last step, 2 inputs.
   const auto variables = static_cast<Index>(result.base.g.size());
   for (Index first = 0; first < variables; first += 17) {
     for (Index i = 0; i < 17 && first + i < variables; ++i)

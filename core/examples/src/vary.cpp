@@ -5,7 +5,7 @@
 namespace marble::examples {
 namespace {
 
-// The standard's distributions differ between libraries; its engines do not.
+// Uses only the standard's engines, because its distributions differ between libraries.
 class Variation {
  public:
   explicit Variation(std::uint64_t seed) : engine_(seed), still_(seed == 0) {}
@@ -51,7 +51,7 @@ RocketParameters vary(RocketParameters p, std::uint64_t seed) {
 GatesParameters vary(GatesParameters p, std::uint64_t seed) {
   Variation variation(seed);
   for (Gate& gate : p.gates) {
-    // More, and the bounds on tilt and thrust leave no way through for some seeds.
+    // With larger shifts, the bounds on tilt and thrust leave no feasible path for some seeds.
     for (double& coordinate : gate.center) coordinate += variation.shift(0.03);
     gate.yaw += variation.shift(0.05);
   }

@@ -40,7 +40,7 @@ bool is_finite(std::size_t number, std::size_t size, const Numbers& of) {
                      [](double value) { return std::isfinite(value); });
 }
 
-// Q without a diagonal, in the problem and in the Kkt, as long as this lives.
+// Subtracts a diagonal matrix from Q, in the problem and in the Kkt, for the lifetime of this object.
 class WithoutDiagonal {
  public:
   WithoutDiagonal(ScaledProblem& problem, BranchPoint& point, BranchSystemMemory& memory)
@@ -76,7 +76,7 @@ class WithoutDiagonal {
   ScaledProblem& problem_;
   BranchPoint& point_;
   BranchSystemMemory& memory_;
-  std::vector<double> values_;  // of Q, as it was
+  std::vector<double> values_;  // original values of Q
 };
 
 }  // namespace
@@ -95,14 +95,14 @@ Expected<void> BranchDerivatives::factor(Run& run) {
   return unexpected(no_branch("lies where its branch is not convex"));
 }
 
-// With the factor, which another engine or another Q may have taken away, unless the run is over.
+// Restores the factor, which another engine or another Q may have replaced. Fails if the run is over.
 Expected<void> BranchDerivatives::make_ready(Run& run) {
   if (auto over = unless_over(run); !over) return over;
   return point_.has_factor(tuning::exact_rho, tuning::exact_delta) ? Expected<void>() : factor(run);
 }
 
-// A free side at zero with a multiplier of the wrong sign is held as well: without it the branch's solution
-// is another point than the answer.
+// Also holds a free side at zero whose multiplier has the wrong sign. Otherwise the branch's solution would
+// differ from the given solution.
 void BranchDerivatives::hold_wrong_signs(const Iterate& solution) {
   const auto lambda = solution.lambda();
   const double least = tuning::near * (1.0 + max_abs(lambda));
@@ -157,8 +157,9 @@ void BranchDerivatives::find_weak_rows() {
   }
 }
 
-// A row that is held may only be pulled on more, one that is not may only open. Of a biactive pair the fixed
-// side too. `by_direction` has what the direction itself does to the weak rows.
+// Decides whether the active set stays constant. A held row's multiplier may only grow in its own sign, and
+// the value of a row that is not held may only grow. The same applies to the fixed side of a biactive pair.
+// `by_direction` contains the effect of the direction itself on the weak rows.
 template <class T>
 void BranchDerivatives::tell_holds(const BranchSystem<T>& system, const std::vector<T>& by_direction,
                                    const Batch<T>& batch, std::vector<std::uint8_t>& holds) const {
@@ -174,8 +175,8 @@ void BranchDerivatives::tell_holds(const BranchSystem<T>& system, const std::vec
   }
 }
 
-// F is linear in the numbers: its derivative along a direction is F itself with the direction's numbers, at
-// the answer. In the user's units, then scaled as F is.
+// F is linear in the numbers. Its derivative along a direction is F with the direction's numbers, evaluated
+// at the solution: first in the user's units, then scaled like F.
 template <class T>
 void BranchDerivatives::take_directions(const ProblemUpdate& by, const Batch<T>& batch,
                                         BranchSystem<T>& system) const {
@@ -301,8 +302,8 @@ void BranchDerivatives::take_losses(const AnswerWeights& weights, const Batch<T>
   take(weights.complementarity_multipliers_R, -1.0, rows.t_part(scale), system.right_lambda + rows.t(0));
 }
 
-// K is symmetric: with K a = w the loss changes by wᵀK⁻¹(−∂F/∂p) = −aᵀ∂F/∂p. By each stored entry of a row,
-// whose product with z enters the rows and whose transpose's with λ the stationarity.
+// K is symmetric: with K a = w the loss changes by wᵀK⁻¹(−∂F/∂p) = −aᵀ∂F/∂p. Each stored entry of a row
+// contributes twice: its product with z to the rows, and that of its transpose with λ to the stationarity.
 template <class T>
 void BranchDerivatives::find_gradients(const AnswerWeights& weights, const Batch<T>& batch,
                                        ProblemGradients& gradients) {
@@ -390,7 +391,7 @@ Expected<RowResponse> BranchDerivatives::rows(Run& run, const RowsRequest& reque
   return respond(run, request);
 }
 
-// Columns P Eᵀ of a batch of rows, and what E makes of them.
+// Computes the columns P Eᵀ of a batch of rows and their products with E.
 template <class T>
 bool BranchDerivatives::find_response(const RowMatrix& e, const Batch<T>& batch, RowResponse& response) {
   BranchSystem<T> system(problem_, point_, memory_);
@@ -464,8 +465,8 @@ Expected<RowResponse> BranchDerivatives::respond(Run& run, const RowsRequest& re
   return response;
 }
 
-// Rows without their proximal term come last: they take the factor away. What ends one thing for want of time
-// ends all.
+// Rows without their proximal term come last because they replace the factor. If one part runs out of time,
+// the whole request ends.
 Expected<SensitivityAnswer> BranchDerivatives::answer(Run& run, const SensitivityRequest& request) {
   SensitivityAnswer answer;
   answer.weak_inequalities = weak_inequalities_;

@@ -1,4 +1,4 @@
-// How a solution changes with its problem's numbers, by the factor of the branch it is on.
+// Derivatives of a solution with respect to its problem's numbers, by the factor of the solution's branch.
 #pragma once
 
 #include <cstdint>
@@ -10,24 +10,24 @@
 
 namespace marble {
 
-/// Whether an answer of this status can have derivatives.
+/// Returns an error if a solution with this status cannot have derivatives.
 [[nodiscard]] Expected<void> must_be_solved(Status status);
 
-/// Everything that is asked must have passed check(). The problem is changed while rows without their
-/// proximal term are looked at, and is as it was afterwards.
+/// All arguments must have passed check(). The class changes the problem temporarily while it computes rows
+/// without their proximal term, and restores it afterwards.
 class BranchDerivatives {
  public:
   BranchDerivatives(ScaledProblem& problem, const PartSizes& sizes, BranchPoint& point);
 
-  /// Reads the branch off a solution and factorizes for it, unless the factor at hand is that and may be
-  /// used. Errors, like all here: failed_precondition; of field "solution" where it is no isolated exact
-  /// solution of a branch, or the run is over.
+  /// Reads the branch off a solution and factorizes for it, unless the current factor matches and may be
+  /// used. Errors, as in all functions of this class: failed_precondition; field "solution" if the solution
+  /// is not an isolated exact solution of a branch, or if the run is over.
   [[nodiscard]] Expected<void> begin(Run& run, const Iterate& solution, bool may_reuse_factor);
 
   [[nodiscard]] Expected<AnswerChanges> along(Run& run, const DirectionsRequest& directions);
   [[nodiscard]] Expected<ProblemGradients> gradients(Run& run, const LossesRequest& losses);
   [[nodiscard]] Expected<RowResponse> rows(Run& run, const RowsRequest& request);
-  /// All of a request, but for its counters.
+  /// Computes the whole request, except for its counters.
   [[nodiscard]] Expected<SensitivityAnswer> answer(Run& run, const SensitivityRequest& request);
 
   [[nodiscard]] const std::vector<Index>& weak_inequalities() const { return weak_inequalities_; }
@@ -57,9 +57,9 @@ class BranchDerivatives {
   const PartSizes sizes_;
   BranchPoint& point_;
   BranchSystemMemory memory_;
-  Vector x_z_, x_y_, x_lambda_;  // the answer, in the user's units
+  Vector x_z_, x_y_, x_lambda_;  // the solution, in the user's units
   std::vector<Index> weak_inequalities_, biactive_pairs_;
-  std::vector<Index> weak_rows_;  // of both, by their number in [C; L; R]
+  std::vector<Index> weak_rows_;  // rows of both that are weakly active, by number in [C; L; R]
 };
 
 }  // namespace marble

@@ -1,5 +1,5 @@
-// The two ways to solve a branch, exactly and elastically, from one point and with one factor, and what both
-// use.
+// Provides the two ways to solve a branch, exact and elastic, on one shared point and factor, and the engines
+// that both use.
 #pragma once
 
 #include "branch/elastic_relaxation.h"

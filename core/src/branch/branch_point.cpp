@@ -34,7 +34,8 @@ void BranchPoint::start_from_path(const Iterate& iterate) {
   set.clear_others(x.lambda());
 }
 
-// Of two numbers whose product should be 0, the smaller one was: a slack against its own multiplier.
+// Of two numbers whose product should be 0, the smaller one is taken as 0: a slack against its own
+// multiplier.
 void BranchPoint::start_from_solution(const Iterate& solution) {
   x.all = solution.all;
   images.evaluate(problem_, x);
@@ -97,9 +98,9 @@ bool BranchPoint::has_factor(double rho, double delta) const {
          factored_set_.held == set.held;
 }
 
-// With the active rows as equalities: Newton on (Qz + g + Jᵀλ, J_active z + c) with the regularized factor,
-// repeated. The residuals carry no regularization, so the fixed point is exact; each sweep gains about eight
-// digits, and where rows nearly depend on each other only part of one.
+// Solves with the active rows as equalities: repeated Newton steps on (Qz + g + Jᵀλ, J_active z + c) with the
+// regularized factor. The residuals contain no regularization, so the fixed point is exact. Each sweep gains
+// about eight digits, or only part of one digit if rows are nearly dependent.
 bool BranchPoint::sharpen(double tolerance) {
   auto& [step, step_images, gradient] = workspace;
   double last = std::numeric_limits<double>::infinity();
@@ -116,7 +117,7 @@ bool BranchPoint::sharpen(double tolerance) {
     if (!std::isfinite(error) || !(max_abs(x.z()) <= tuning::runaway)) return false;
     if (error <= tolerance) return converged_ = true;
     const bool is_exact = error <= tuning::exactness;
-    if (error > (is_exact ? 0.5 : tuning::exact_slowest) * last) return is_exact;  // as exact as it gets
+    if (error > (is_exact ? 0.5 : tuning::exact_slowest) * last) return is_exact;  // as exact as possible
     last = error;
     add_transposed(problem_.rows, step.lambda(), gradient);
     step.z() = -gradient;
@@ -130,7 +131,7 @@ bool BranchPoint::sharpen(double tolerance) {
   return true;
 }
 
-// The residual of rows that are held at zero, by the factor at hand: all but 1/ρ of it.
+// Removes the change of the held rows with the current factor, except for a part 1/ρ of it.
 bool BranchPoint::project(VectorRef direction) {
   auto& [step, step_images, gradient] = workspace;
   step_images.evaluate_rows(problem_, direction);

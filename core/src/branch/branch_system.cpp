@@ -40,10 +40,10 @@ T BranchSystem<T>::largest() const {
   return most;
 }
 
-// By the regularized factor, of [H Aᵀ; A −1/ρ] with H = Q + δI + ρJ₀ᵀJ₀, as often as it takes: the residuals
-// carry no regularization. With dλ = ρ(J₀dz − r_λ) what is left of r_λ is −dλ/ρ, and what stands for it in
-// the next right-hand side f = r_z + ρJ₀ᵀr_λ is −J₀ᵀdλ, which r_z needs too: each matrix is read once a
-// sweep.
+// Iterates with the regularized factor of [H Aᵀ; A −1/ρ], H = Q + δI + ρJ₀ᵀJ₀, until the residuals, which
+// contain no regularization, are small. With dλ = ρ(J₀dz − r_λ) the remainder of r_λ is −dλ/ρ. It contributes
+// −J₀ᵀdλ to the next right-hand side f = r_z + ρJ₀ᵀr_λ, and r_z needs the same term. Therefore each sweep
+// reads each matrix only once.
 template <class T>
 std::array<bool, BranchSystem<T>::kLanes> BranchSystem<T>::solve(int count) {
   std::array<bool, kLanes> solved{}, over{};
@@ -79,14 +79,14 @@ std::array<bool, BranchSystem<T>::kLanes> BranchSystem<T>::solve(int count) {
       return {};
     error = advance();
   }
-  T sum{};  // what is not finite stays in it
+  T sum{};  // stays non-finite if any term is
   for (Index i = 0; i < problem_.variables(); ++i) sum += z[i];
   for (Index i = 0; i < problem_.equalities(); ++i) sum += y[i];
   for (int i = 0; i < kLanes; ++i) solved[i] = solved[i] && std::isfinite(lane(sum, i));
   return solved;
 }
 
-// The right-hand side of the first step, and the solution 0.
+// Sets the right-hand side of the first step, and the solution to 0.
 template <class T>
 void BranchSystem<T>::take_first_step() {
   std::fill_n(z, problem_.variables(), T{});
@@ -103,7 +103,8 @@ void BranchSystem<T>::take_first_step() {
   }
 }
 
-// By the step, to the next one's right-hand side. Returns the largest of what is left of the residual.
+// Applies the step and prepares the next right-hand side. Returns the largest entry of the remaining
+// residual.
 template <class T>
 T BranchSystem<T>::advance() {
   may_take_by_blas() ? take_by_blas() : take_by_rows();
@@ -124,7 +125,7 @@ T BranchSystem<T>::advance() {
   return error;
 }
 
-// K's product with the step, off the residual; of J₀ᵀdλ into pull_.
+// Subtracts K's product with the step from the residual, and writes J₀ᵀdλ into pull_.
 template <class T>
 void BranchSystem<T>::take_by_rows() {
   const Index n = problem_.variables();
@@ -187,7 +188,7 @@ bool BranchSystem<T>::may_take_by_blas() {
   return true;
 }
 
-// The same of the transpose: what belongs to a variable or a row is a column.
+// Does the same on the transpose: the numbers of a variable or a row form a column.
 template <class T>
 void BranchSystem<T>::take_by_blas() {
   const int n = problem_.variables(), equalities = problem_.equalities(), lanes = kLanes;
@@ -221,7 +222,7 @@ void BranchSystem<T>::take_by_blas() {
            &lanes, rows + equalities, &all, &one, pull, &lanes);
 }
 
-// From now on that lane is a system whose right-hand side is 0.
+// Replaces that lane by a system with right-hand side 0.
 template <class T>
 void BranchSystem<T>::drop(int dropped_lane) {
   const auto drop_from = [dropped_lane](T* values, Index count) {

@@ -1,4 +1,4 @@
-// The branch's own system, for as many right-hand sides at once as T has lanes:
+// Solves the branch's own system for as many right-hand sides at once as T has lanes:
 //
 //   [ Q   Aᵀ  J₀ᵀ ] [ z ]
 //   [ A            ] [ y ] = right-hand side,     J₀ the rows of [C; L; R] that are held at zero.
@@ -13,13 +13,13 @@
 
 namespace marble {
 
-/// Memory for the systems of one branch: taken once, used by all.
+/// Memory for the systems of one branch, allocated once and shared by all of them.
 struct BranchSystemMemory {
   std::vector<double> vectors;
-  /// Where the data are nearly full and there are many right-hand sides, for BLAS: Q, [A; J₀], and a number
-  /// of each lane for each of these rows.
+  /// For BLAS, if the data are nearly full and there are many right-hand sides: Q, [A; J₀], and one number
+  /// per lane for each of these rows.
   Eigen::MatrixXd hessian, rows, of_rows;
-  /// Another branch: others of the rows are held, or they have other numbers.
+  /// Prepares for another branch: other rows are held, or the rows have other numbers.
   void forget_branch() { hessian.resize(0, 0); }
 };
 
@@ -30,18 +30,19 @@ class BranchSystem {
 
   BranchSystem(const ScaledProblem& problem, BranchPoint& point, BranchSystemMemory& memory);
 
-  /// The right-hand side, which solve() uses up: z by variables, y by equalities, λ by all rows, of which
-  /// those that are not held are left out.
+  /// The right-hand side, which solve() overwrites: z by variables, y by equalities, λ by all rows. Entries
+  /// of rows that are not held are ignored.
   T *right_z, *right_y, *right_lambda;
-  /// The solution: λ = 0 of rows that are not held.
+  /// The solution; λ = 0 for rows that are not held.
   T *z, *y, *lambda;
 
-  /// All of the right-hand side is 0.
+  /// Sets the whole right-hand side to 0.
   void clear();
-  /// With the factor at hand, of the first `count` lanes. Tells of each whether it has a solution to half of
-  /// the digits at least: where it has none, rows depend on each other and contradict, or the branch is flat.
+  /// Solves the first `count` lanes with the current factor. Returns for each lane whether its solution is
+  /// accurate to at least half of the digits. If not, dependent rows contradict each other or the branch is
+  /// flat.
   [[nodiscard]] std::array<bool, kLanes> solve(int count);
-  /// The largest entry of the solution.
+  /// Returns the largest entry of the solution.
   [[nodiscard]] T largest() const;
 
  private:
@@ -55,7 +56,7 @@ class BranchSystem {
   const ScaledProblem& problem_;
   BranchPoint& point_;
   BranchSystemMemory& memory_;
-  T *step_z_, *step_y_, *pull_;  // the step; J₀ᵀdλ of it
+  T *step_z_, *step_y_, *pull_;  // the step; its J₀ᵀdλ
 };
 
 }  // namespace marble

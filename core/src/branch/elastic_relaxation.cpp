@@ -17,7 +17,7 @@ ElasticRelaxation::ElasticRelaxation(const ScaledProblem& problem, BranchPoint& 
 
 bool ElasticRelaxation::solve_by_interior(Run& run, const SemismoothNewton::Penalty& penalty, int last) {
   interior_.start_elastic(point_.x.z(), point_.set, penalty.rho, penalty.delta, anchor_);
-  Run part = run.part(true);  // what is relaxed may be no problem that anybody knows
+  Run part = run.part(true);  // the relaxed problem has no meaning for the caller's progress reports
   const bool solved = interior_.find_rows(part, last, [&](int budget) {
     point_.restore(interior_.iterate(), interior_.set());
     return newton_.minimize_from_rows(part, penalty, std::min(last, part.factorizations + budget));
@@ -32,7 +32,7 @@ bool ElasticRelaxation::solve(Run& run, double rho, Rows rows, int budget) {
   const int last = run.factorizations + budget;
   const double delta = rho >= tuning::exact_rho
                            ? tuning::exact_delta
-                           : tuning::elastic_delta;  // there the exact solve's factor serves too
+                           : tuning::elastic_delta;  // so that the exact solve's factor can be reused
   const int last_of_newton = std::min(last, run.factorizations + tuning::newton_budget);
   bool solved = rows == Rows::held ? newton_.minimize_from_rows(run, {rho, delta}, last_of_newton)
                                    : newton_.minimize(run, {rho, delta}, last_of_newton);

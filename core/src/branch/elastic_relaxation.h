@@ -1,5 +1,5 @@
-// The elastic version of a branch: every violation of a row costs ½ρ·violation². It always has a solution,
-// one only thanks to a small proximal term.
+// Solves the elastic version of a branch: every violation of a row costs ½ρ·violation². It always has a
+// solution, which a small proximal term makes unique.
 #pragma once
 
 #include "branch/semismooth_newton.h"
@@ -9,25 +9,25 @@ namespace marble {
 
 class ElasticRelaxation {
  public:
-  /// Works on `point`; `newton` must too.
+  /// Works on `point`; `newton` must use the same point.
   ElasticRelaxation(const ScaledProblem& problem, BranchPoint& point, SemismoothNewton& newton,
                     QuadraticEngine& interior);
 
-  /// Where the rows come from that it begins with.
+  /// The rows that the solve starts with.
   enum class Rows {
-    held,      ///< those the point holds, taken to be right: one factorization proves it if they are
+    held,      ///< those that the point holds, assumed to be right: one factorization confirms it if they are
     violated,  ///< the fixed sides, and those that z violates
   };
-  /// Solves it for the branch at hand from the point at hand. True if solved; the factor at hand is then the
-  /// one of this solution. Where so many rows change that Newton's method has not ended soon, an interior
-  /// point method has the rest of `budget`.
+  /// Solves the current branch from the current point. Returns true if solved; the current factor then
+  /// belongs to this solution. If so many rows change that Newton's method does not end soon, an interior
+  /// point method gets the rest of `budget`.
   [[nodiscard]] bool solve(Run& run, double rho, Rows rows, int budget);
-  /// Where the proximal term of solve() pulls: to the point at hand, or to 0. From an exact solution the
-  /// first leaves variables without cost where they are, and with them most active rows.
+  /// Sets the centre of the proximal term of solve(): the current point, or 0. From an exact solution, the
+  /// first keeps variables without cost in place, and with them most active rows.
   void anchor_here() { anchor_ = point_.x.z(); }
   void anchor_at_zero() { anchor_.setZero(); }
 
-  /// After solve(): the objective with the cost of all violations and the proximal term.
+  /// Returns the objective after solve(), including the cost of all violations and the proximal term.
   [[nodiscard]] double objective() const { return objective_; }
   [[nodiscard]] double rho() const { return point_.rho(); }
   [[nodiscard]] BranchPoint& point() { return point_; }

@@ -11,8 +11,8 @@ ExactBranch::ExactBranch(BranchPoint& point, SemismoothNewton& newton, Quadratic
 
 bool ExactBranch::solve(Run& run, int budget) {
   const int last = run.factorizations + budget;
-  point_.set.clear_others(point_.x.lambda());  // they may be of another branch
-  newton_.center.all = point_.x.all;           // should the exchanges lead nowhere
+  point_.set.clear_others(point_.x.lambda());  // they may belong to another branch
+  newton_.center.all = point_.x.all;           // in case the exchanges fail
   if (const auto solved = exchange_rows(run, tuning::exact_exchanges, last)) return *solved;
   const int last_of_newton = std::min(last, run.factorizations + tuning::newton_budget);
   bool rows_known = newton_.converge(run, {tuning::exact_rho, tuning::exact_delta}, last_of_newton);
@@ -35,8 +35,8 @@ bool ExactBranch::solve_by_interior(Run& run, int last) {
   return solved || take_interior(interior_);
 }
 
-// Where rows are weakly active, and what they leave is flat, neither holding nor leaving them all gives back
-// the solution that the interior point method has converged to. Then it is the answer itself.
+// If rows are weakly active and the branch is flat otherwise, neither holding nor releasing all of them
+// reproduces the solution of the interior point method. Then that solution is the result.
 bool ExactBranch::take_interior(const QuadraticEngine& engine) {
   if (!(engine.kappa() <= tuning::rounding)) return false;
   point_.restore(engine.iterate(), engine.set());
@@ -45,7 +45,7 @@ bool ExactBranch::take_interior(const QuadraticEngine& engine) {
          max_abs(point_.images.stationarity) <= std::min(tuning::near, tuning::exactness * scale);
 }
 
-// Nothing if the rows are not known after so many rounds, or contradict each other.
+// Returns nothing if the rows are not determined after this many rounds, or if they contradict each other.
 std::optional<bool> ExactBranch::exchange_rows(Run& run, int rounds, int last) {
   for (int round = 0; round < rounds; ++round) {
     if (run.factorizations >= last || run.interrupted()) return false;
@@ -56,7 +56,7 @@ std::optional<bool> ExactBranch::exchange_rows(Run& run, int rounds, int last) {
   return std::nullopt;
 }
 
-// Active rows that pull (λ > 0) leave, violated ones enter. True if nothing changed.
+// Releases active rows with a wrong-sign multiplier (λ > 0) and adds violated ones. True if nothing changed.
 bool ExactBranch::exchange() {
   bool changed = false;
   const double scale = 1.0 + max_abs(point_.x.all);

@@ -1,11 +1,11 @@
-// The exact solution of a branch: the convex QP that is left of the problem once each pair has one side fixed
-// at zero. The other side, like every inequality, must stay ≥ 0.
+// Computes the exact solution of a branch: the convex QP that remains once each pair has one side fixed at
+// zero. The other side, like every inequality, must stay ≥ 0.
 //
-// The primal-dual active set method: it guesses which of those hold with equality, solves the
-// equality-constrained problem that leaves by one factorization, and exchanges all rows whose sign is wrong.
-// Where that cycles the proximal method of multipliers, which converges for every feasible branch, tells the
-// rows; where they are so many that it would take too long, an interior point method. Its own solution is the
-// answer where rows that are weakly active leave what is flat, so that no choice of them gives it back.
+// The primal-dual active set method guesses which of these rows hold with equality, solves the resulting
+// equality-constrained problem by one factorization, and exchanges all rows whose sign is wrong. If it
+// cycles, the proximal method of multipliers, which converges for every feasible branch, determines the rows.
+// If that would take too long because there are many rows, an interior point method does. Its own solution is
+// the result if the branch is flat apart from weakly active rows, so that no choice of rows reproduces it.
 #pragma once
 
 #include <optional>
@@ -17,17 +17,17 @@ namespace marble {
 
 class ExactBranch {
  public:
-  /// Works on `point`; `newton` must too.
+  /// Works on `point`; `newton` must use the same point.
   ExactBranch(BranchPoint& point, SemismoothNewton& newton, QuadraticEngine& interior);
 
-  /// Solves the branch at hand to full accuracy with at most `budget` factorizations. True if it succeeded:
-  /// the point then satisfies the branch's optimality conditions to rounding, with every sign right but those
-  /// of the fixed sides. After the interior point method's own solution a row that is not held may have a
-  /// multiplier: its product with the slack is rounding.
+  /// Solves the current branch to full accuracy with at most `budget` factorizations. Returns true on
+  /// success: the point then satisfies the branch's optimality conditions to rounding, and every sign is
+  /// right except those of the fixed sides. If the interior point method's own solution is taken, a row that
+  /// is not held may have a multiplier: its product with the slack is rounding.
   [[nodiscard]] bool solve(Run& run, int budget);
 
-  /// Takes the solution that an interior point method on the branch has converged to, if it has: where rows
-  /// are weakly active, and what they leave is flat, no choice of rows gives it back.
+  /// Takes the solution that an interior point method on the branch has converged to, if it has converged. It
+  /// is needed if the branch is flat apart from weakly active rows, so that no choice of rows reproduces it.
   [[nodiscard]] bool take_interior(const QuadraticEngine& engine);
 
   [[nodiscard]] BranchPoint& point() { return point_; }

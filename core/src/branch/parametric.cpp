@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t square(Index n) { return static_cast<std::size_t>(n) * static_cast<std::size_t>(n); }
 
-// Responses to keep: of all rows if they fit, else enough for two candidates at least.
+// Number of responses to keep: those of all rows if they fit, otherwise enough for at least two candidates.
 double responses_kept(Index pairs, double rows) {
   if (pairs == 0) return 0.0;
   return std::min(rows,
@@ -44,7 +44,7 @@ Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
       right_side_(tuning::rows_apart),
       pivots_(tuning::rows_apart) {
   keep_blas_to_one_thread();
-  changed_.reserve(tuning::rows_apart + 2);  // direction() refuses only then
+  changed_.reserve(tuning::rows_apart + 2);  // direction() fails only beyond this size
 }
 
 void Parametric::start(const ElasticRelaxation& optimum) {
@@ -68,7 +68,7 @@ void Parametric::reset() {
   changed_.clear();
   objective_ = start_objective_;
   events_ = 0;
-  if (used_ + tuning::rows_apart > capacity_ && capacity_ < rows_) {  // room for one candidate at least
+  if (used_ + tuning::rows_apart > capacity_ && capacity_ < rows_) {  // space for at least one candidate
     std::fill(response_of_row_.begin(), response_of_row_.end(), -1);
     used_ = 0;
   }
@@ -95,9 +95,9 @@ const double* Parametric::response(Index row) {
   return out;
 }
 
-// Rates of everything while the prescribed row's slack changes at its rate, or the driven row's falls at rate
-// 1, and all other changed rows stay as they are: zero slack if they were inactive, zero multiplier if
-// active.
+// Computes the rates of all values while the prescribed row's slack changes at its rate, or the driven row's
+// slack falls at rate 1. All other changed rows stay as they are: zero slack if they were inactive, zero
+// multiplier if active.
 bool Parametric::direction(Index prescribed, double prescribed_rate, Index driven) {
   const int count = static_cast<int>(changed_.size());
   if (count > tuning::rows_apart || kkt_.interrupt().requested()) return false;
@@ -135,7 +135,7 @@ bool Parametric::direction(Index prescribed, double prescribed_rate, Index drive
   };
   const double* rate = right_side_.data();
   int a = 0;
-  for (; a + 4 <= count; a += 4) {  // four at a time: the sum is bound by memory
+  for (; a + 4 <= count; a += 4) {  // four at a time: the sum is limited by memory bandwidth
     value_rate_ += rate[a] * column(a) + rate[a + 1] * column(a + 1) + rate[a + 2] * column(a + 2) +
                    rate[a + 3] * column(a + 3);
   }
@@ -143,7 +143,7 @@ bool Parametric::direction(Index prescribed, double prescribed_rate, Index drive
   return true;
 }
 
-// The first row to change sign within `length`, which is shortened to it; -1 if none does.
+// Returns the first row that changes sign within `length`, which is shortened to that point; -1 if none does.
 Index Parametric::first_event(double& length, Index driven) const {
   Index first = -1;
   const double* value = value_.data();
@@ -192,7 +192,7 @@ void Parametric::toggle(Index row) {
   state_[row].changed = !state_[row].changed;
 }
 
-// Raises the slack of a fixed active row until its multiplier, negative, has come to 0.
+// Raises the slack of a fixed active row until its negative multiplier has become 0.
 bool Parametric::release(Index row) {
   state_[row].fixed = false;
   if (value_[row] >= -tuning::pull) {
@@ -217,12 +217,13 @@ bool Parametric::release(Index row) {
   return true;
 }
 
-// Lowers a row's slack to 0, where it stays as an equality. False once the objective cannot end below
-// `limit`.
+// Lowers a row's slack to 0, where it stays as an equality. Returns false as soon as the objective cannot end
+// below `limit`.
 bool Parametric::drive(Index row, double limit) {
   state_[row].fixed = true;
   if (is_active(row)) return objective_ < limit;
-  // The slack of a row that was released before is prescribed; else the force that lowers it is solved for.
+  // If the row was released before, its slack is prescribed; otherwise the force that lowers it is the
+  // unknown.
   const bool prescribed = start_.held[row] != 0;
   double slack = 0.0;
   if (prescribed) {
@@ -244,7 +245,7 @@ bool Parametric::drive(Index row, double limit) {
     objective_ -= length * (multiplier + 0.5 * rate * length);
     slack -= length;
     advance(length);
-    // The objective is convex along the way: its tangent is a lower bound.
+    // The objective is convex along this path, so its tangent is a lower bound.
     if (objective_ + std::max(0.0, -(multiplier + rate * length)) * slack >= limit) return false;
     if (event < 0) break;
     toggle(event);

@@ -31,7 +31,7 @@ bool SemismoothNewton::minimize_from_rows(Run& run, const Penalty& penalty, int 
   return find_step() && move(penalty, 1.0) && iterate(run, penalty, last, true);
 }
 
-// After a full step that changes no row it is solved.
+// The problem is solved after a full step that changes no row.
 bool SemismoothNewton::iterate(Run& run, const Penalty& penalty, int last, bool full_step) {
   while (true) {
     const double size = 1.0 + max_abs(point_.images.stationarity);
@@ -56,7 +56,7 @@ bool SemismoothNewton::find_step() {
   return true;
 }
 
-// False if that runs away.
+// Returns false if the point diverges.
 bool SemismoothNewton::move(const Penalty& penalty, double length) {
   point_.x.z() += length * point_.workspace.step.z();
   if (!(max_abs(point_.x.z()) <= tuning::runaway)) return false;
@@ -75,7 +75,7 @@ void SemismoothNewton::evaluate_multipliers(const Penalty& penalty) {
   unclipped_ = center.lambda() + penalty.rho * images.rows.all;
 }
 
-// Of the free rows those below zero.
+// Selects the free rows that are below zero.
 void SemismoothNewton::choose_rows(const Penalty& penalty) {
   const double tie = tuning::roundoff * penalty.rho;
   const double* const unclipped = unclipped_.data();
@@ -93,8 +93,8 @@ void SemismoothNewton::evaluate_gradient(const Penalty& penalty) {
       point_.images.stationarity + problem_.g + penalty.delta * (point_.x.z() - center.z());
 }
 
-// To the root of the derivative of the piecewise quadratic along the step, which is linear between
-// breakpoints and ascends. 0 if it does not descend at first.
+// Returns the root of the derivative of the piecewise quadratic along the step. The derivative increases and
+// is linear between breakpoints. Returns 0 if the step is not a descent direction.
 double SemismoothNewton::exact_length(const Penalty& penalty) {
   auto& [step, step_images, gradient] = point_.workspace;
   double slope = gradient.dot(step.z());

@@ -3,8 +3,8 @@
 //   f(z) + ½δ‖z − z_c‖² + Σ ½ρ(c(z) + α/ρ)²   over equalities and fixed sides,
 //                         with min(0, ·) inside the square over free rows.
 //
-// Semismooth Newton: each step is to the minimum for the rows that are below zero, by one factorization, as
-// long as an exact line search along it says. That ends where no row changes any more.
+// Semismooth Newton: each step goes towards the minimum for the rows that are below zero, by one
+// factorization, with a length from an exact line search. The method ends when no row changes any more.
 #pragma once
 
 #include <vector>
@@ -23,17 +23,17 @@ class SemismoothNewton {
   };
   Iterate center;  ///< z_c, and α as its y and λ
 
-  /// To the minimum, from the point's z, with the run's count of factorizations up to `last`. False if that
-  /// is not enough, or if Q has negative curvature there. The point's rows held are then those below zero,
-  /// and its multipliers α + ρc of these.
+  /// Minimizes from the point's z until the run's count of factorizations reaches `last`. Returns false if
+  /// that is not enough, or if Q has negative curvature there. The point then holds the rows that are below
+  /// zero, and its multipliers are α + ρc of these rows.
   [[nodiscard]] bool minimize(Run& run, const Penalty& penalty, int last);
-  /// The same where the rows held are taken to be right: one step proves it if they are, with the factor at
-  /// hand if it is theirs.
+  /// The same if the held rows are assumed to be right: one step confirms it if they are, with the current
+  /// factor if it belongs to them.
   [[nodiscard]] bool minimize_from_rows(Run& run, const Penalty& penalty, int last);
-  /// The proximal method of multipliers, from the center: minimises, then α ← λ and z_c ← z, until neither
-  /// moves. False if the branch seems infeasible, or as above.
+  /// Runs the proximal method of multipliers from the center: minimizes, then sets α ← λ and z_c ← z, until
+  /// neither changes. Returns false if the branch seems infeasible, or as above.
   [[nodiscard]] bool converge(Run& run, const Penalty& penalty, int last);
-  /// Whether that ended at a step that did not descend: δ is lost in rounding beside ρ where Q is flat.
+  /// True if the last solve ended at a step without descent: where Q is flat, δ is lost in rounding beside ρ.
   [[nodiscard]] bool lost_descent() const { return lost_descent_; }
 
  private:
@@ -48,7 +48,7 @@ class SemismoothNewton {
   const ScaledProblem& problem_;
   Kkt& kkt_;
   BranchPoint& point_;
-  Vector unclipped_;  // α + ρc of all rows; the multipliers are 0 where a free row is not below zero
+  Vector unclipped_;  // α + ρc of all rows; the multiplier of a free row that is not below zero is 0
   struct Breakpoint {
     double step, slope;
   };

@@ -20,10 +20,10 @@ class Explanation {
         parts_(static_cast<std::size_t>(refutation_.numbers().size()), 1),
         needed_(parts_.size(), 0) {}
 
-  /// How all parts together end, and what is left of them.
+  /// Returns how the refutation of all parts together ends, and reduces the parts.
   [[nodiscard]] Refutation::End reduce(std::span<const double> certificate);
   [[nodiscard]] Conflict conflict() const;
-  /// (y, ν, ξ, η) of its rows alone, where it needs no complementarity; else empty.
+  /// Returns (y, ν, ξ, η) of its rows alone if it needs no complementarity; otherwise empty.
   [[nodiscard]] std::vector<double> certificate();
   [[nodiscard]] const LinearRows& work() const { return refutation_.rows(); }
 
@@ -34,8 +34,8 @@ class Explanation {
 
   Refutation refutation_;
   ActivityMonitor* activity_;
-  Parts parts_;   // refuted together, or proved to be infeasible by the solve
-  Parts needed_;  // of them: without it the others have a point
+  Parts parts_;   // refuted together, or proved infeasible by the solve
+  Parts needed_;  // without any of these parts, the others have a point
   bool undecided_ = false;
 };
 
@@ -44,7 +44,7 @@ void Explanation::show() const {
   activity_->set_done(Phase::conflict, std::ranges::count(needed_, 1), std::ranges::count(parts_, 1));
 }
 
-// The rows of a certificate come first: with them no tree is needed.
+// Tries the rows of a certificate first: they need no tree.
 Refutation::End Explanation::refute_all(std::span<const double> certificate) {
   if (!certificate.empty()) {
     Parts some(parts_.size(), 0);
@@ -54,8 +54,8 @@ Refutation::End Explanation::refute_all(std::span<const double> certificate) {
   return refutation_.run(parts_);
 }
 
-// What is refuted without a part has the smaller conflict. One without which there is a point stays needed
-// when others are gone.
+// If the rest is refuted without a part, the conflict becomes smaller. If the rest has a point, the part
+// remains needed after others are removed.
 void Explanation::drop(Index first, Index end) {
   for (Index part = first; part < end && !refutation_.is_over(); ++part) {
     const auto at = static_cast<std::size_t>(part);
@@ -77,8 +77,8 @@ void Explanation::drop(Index first, Index end) {
   }
 }
 
-// Complementarities go first and sides next: a conflict that needs neither is easier to understand, and its
-// refutations are cheaper.
+// Drops complementarities first and sides next: a conflict that needs neither is easier to understand, and
+// cheaper to refute.
 Refutation::End Explanation::reduce(std::span<const double> certificate) {
   const PhaseScope phase(activity_, Phase::conflict);
   const Refutation::End end = refute_all(certificate);
@@ -144,7 +144,7 @@ std::vector<double> Explanation::certificate() {
   return stacked;
 }
 
-// What is said where there is no conflict.
+// Returns the text for a solution without a conflict.
 const char* why_none(bool proved, Refutation::End end) {
   if (end != Refutation::End::feasible) return "; explain: no proof that it is infeasible was found";
   return proved ? "; explain: a point meets the tolerances: the constraints contradict each other by less"

@@ -46,7 +46,7 @@ double LinearRows::value(Index row, ConstVectorRef z) const {
   return sum.value();
 }
 
-// The point nearest to 0 in the variables that the rows have; at least one variable.
+// Returns the problem of the point nearest to 0 in the variables of the rows; at least one variable.
 OwnedProblem LinearRows::program(std::span<const HeldRow> rows) {
   for (const Index column : columns_) place_[column] = -1;
   columns_.clear();
@@ -75,8 +75,8 @@ OwnedProblem LinearRows::program(std::span<const HeldRow> rows) {
   return p;
 }
 
-// From (y, ν). False where a point within the tolerances may exist for all that they prove: what contradicts
-// by less than that is no conflict for who has chosen the tolerances.
+// Converts (y, ν). Returns false if a point within the tolerances may still exist: a smaller contradiction is
+// no conflict for a user who chose these tolerances.
 bool LinearRows::take_multipliers(std::span<const HeldRow> rows, std::span<const double> stacked) {
   multipliers_.clear();
   std::size_t equality = 0, inequality = 0;
@@ -105,7 +105,7 @@ LinearRows::End LinearRows::decide(std::span<const HeldRow> rows) {
   ++programs_;
   const OwnedProblem owned = program(rows);
   const auto problem = Problem::create(owned.view());
-  if (!problem) return End::undecided;  // entries that cancel out of range
+  if (!problem) return End::undecided;  // its sums of duplicate entries are out of range
   bool proved = false;
   {
     Run run(options_, controls_);

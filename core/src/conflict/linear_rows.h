@@ -1,4 +1,5 @@
-// Whether some rows of a problem, as equalities or inequalities, have a point: by a proof, or by the point.
+// Decides whether some rows of a problem, as equalities or inequalities, have a common point: gives a proof
+// or the point.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +11,7 @@
 
 namespace marble {
 
-/// A row of [A; C; L; R], and whether it must be zero or only nonnegative.
+/// A row of [A; C; L; R], required to be zero or only nonnegative.
 struct HeldRow {
   Index row;
   bool equality;
@@ -19,31 +20,31 @@ struct HeldRow {
 class LinearRows {
  public:
   enum class End {
-    feasible,       ///< at z()
+    feasible,       ///< the point is z()
     contradiction,  ///< proved by multipliers()
     undecided,      ///< interrupted, or neither was found
   };
 
-  /// All must outlive it. Of the options the tolerances and the time limit count.
+  /// All arguments must outlive this object. Only the tolerances and the time limit of the options are used.
   LinearRows(const Problem& problem, const Options& options, const SolveControls& controls,
              const SetupControls& setup);
 
-  /// Without an objective; variables in none of the rows are 0.
+  /// Ignores the objective; variables in none of the rows are 0.
   [[nodiscard]] End decide(std::span<const HeldRow> rows);
-  /// The rows of the last contradiction that are left of it at a vertex of all its multipliers: none of them
-  /// can be spared (Gleeson and Ryan, "Identifying minimally infeasible subsystems of inequalities", 1990).
-  /// To rounding: whether they contradict is for decide() to prove. Empty where the tableau would be too
-  /// large.
+  /// Returns the rows of the last contradiction that remain at a vertex of the set of its multipliers: none
+  /// of them can be removed (Gleeson and Ryan, "Identifying minimally infeasible subsystems of inequalities",
+  /// 1990). Holds only to rounding; decide() must prove that they contradict. Empty if the tableau would be
+  /// too large.
   [[nodiscard]] std::vector<HeldRow> vertex(std::span<const HeldRow> rows) const;
 
   /// n
   [[nodiscard]] const Vector& z() const { return z_; }
-  /// One for each row: Σ m (row z + offset) = 1 for every z, to rounding; m ≤ 0 of inequalities.
+  /// One for each row: Σ m (row z + offset) = 1 for every z, to rounding; m ≤ 0 for inequalities.
   [[nodiscard]] const std::vector<double>& multipliers() const { return multipliers_; }
 
-  /// A row's value at z, user units.
+  /// Returns a row's value at z in user units.
   [[nodiscard]] double value(Index row, ConstVectorRef z) const;
-  /// By how much a row may be violated.
+  /// Returns by how much a row may be violated.
   [[nodiscard]] double tolerance(Index row) const;
 
   [[nodiscard]] const Problem& problem() const { return problem_; }
@@ -62,11 +63,11 @@ class LinearRows {
   Options options_;
   SolveControls controls_;
   SetupControls setup_;
-  RowMatrix rows_;  // [A; C; L; R], as the user gave them
+  RowMatrix rows_;  // [A; C; L; R], in the user's units
   Vector offset_;
   std::vector<double> tolerances_;  // of A, C, and of the pairs' sides
-  std::vector<Index> columns_;      // of the last program: its variables
-  std::vector<Index> place_;        // of each variable in it; −1 outside
+  std::vector<Index> columns_;      // variables of the last program
+  std::vector<Index> place_;        // of each variable in the program; −1 if outside
   Vector z_;
   std::vector<double> multipliers_;
   std::int64_t programs_ = 0;

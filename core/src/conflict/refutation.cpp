@@ -28,7 +28,7 @@ Refutation::Refutation(const Problem& problem, const Options& options, const Sol
 
 bool Refutation::is_over() const { return nodes_ >= tuning::conflict_nodes || interrupt_.requested(); }
 
-// How far a pair is from having a side at zero; 0 where that is within the tolerance.
+// Returns the distance of a pair from having a side at zero, or 0 if it is within the tolerance.
 double Refutation::apart(Index pair, ConstVectorRef z) const {
   const double least =
       std::min(std::abs(rows_.value(numbers_.s(pair), z)), std::abs(rows_.value(numbers_.t(pair), z)));
@@ -79,15 +79,16 @@ void Refutation::learn(const Nogood& nogood) {
     nogoods_.push_back(nogood);
 }
 
-// So that what is kept takes no more memory than the tableau may.
+// Limits the memory of nogoods and points to that of the tableau.
 bool Refutation::may_keep(std::size_t numbers) {
   if (kept_numbers_ + static_cast<double>(numbers) > tuning::conflict_entries) return false;
   kept_numbers_ += static_cast<double>(numbers);
   return true;
 }
 
-// The parts and sides of the contradiction at hand, as few as a vertex of its multipliers has. A side that is
-// zero in this node and has the sign of an inequality needs no more than to be nonnegative, if it is.
+// Returns the parts and sides of the current contradiction, reduced to a vertex of its multipliers. A side
+// that is zero in this node and has an inequality's sign only needs to be nonnegative, if that is one of the
+// parts.
 Refutation::Nogood Refutation::reason(std::vector<HeldRow> rows) {
   const auto needed = [this](const std::vector<HeldRow>& of) {
     std::vector<HeldRow> some;
@@ -101,7 +102,7 @@ Refutation::Nogood Refutation::reason(std::vector<HeldRow> rows) {
     return some;
   };
   const std::vector<HeldRow> all = needed(rows);
-  // The signs at the vertex are those of the next proof, which has these rows alone.
+  // The signs at the vertex are those of the next proof, which uses only these rows.
   if (const std::vector<HeldRow> few = rows_.vertex(rows);
       !few.empty() && few.size() < all.size() && rows_.decide(few) == LinearRows::End::contradiction) {
     rows = needed(few);
@@ -122,7 +123,7 @@ Refutation::Nogood Refutation::reason(std::vector<HeldRow> rows) {
   return nogood;
 }
 
-// Pairs that took part in refutations before come first.
+// Prefers pairs that occurred in earlier refutations.
 Index Refutation::pair_to_fork(ConstVectorRef z) const {
   Index best = -1;
   double most = 0.0;
@@ -137,7 +138,7 @@ Index Refutation::pair_to_fork(ConstVectorRef z) const {
   return best;
 }
 
-// By the rows of this node alone.
+// Uses only the rows of this node.
 std::optional<Refutation::Nogood> Refutation::refute_rows(bool& feasible) {
   std::vector<HeldRow> rows = rows_here();
   const LinearRows::End end = rows_.decide(rows);
@@ -148,7 +149,7 @@ std::optional<Refutation::Nogood> Refutation::refute_rows(bool& feasible) {
   return nogood;
 }
 
-// What this node's refutation needs; nothing where it has a point (found_), or is undecided.
+// Returns the nogood of this node, or nothing if it has a point (found_) or is undecided.
 std::optional<Refutation::Nogood> Refutation::refute() {
   if (const Nogood* const before = known()) return *before;
   if (is_over() || depth_ > tuning::conflict_depth) return std::nullopt;
@@ -176,7 +177,7 @@ std::optional<Refutation::Nogood> Refutation::fork(Index pair) {
     --depth_;
     zero_[static_cast<std::size_t>(pair)] = 0;
     if (found_) return std::nullopt;
-    if (!child) {  // the other one may have a point
+    if (!child) {  // the other child may have a point
       undecided = true;
       continue;
     }

@@ -1,10 +1,12 @@
-// Whether some parts of a problem have a point, and if not, which of them the refutation needs.
+// Decides whether some parts of a problem have a common point and, if not, which of them the refutation
+// needs.
 //
-// A tree over the complementarities, depth first. A node is rows alone: in it some pairs have a side that is
-// zero. A node that contradicts itself leaves the parts and the sides of its proof; a fork whose one child
-// needs no side of the fork's pair ends with that child's, else with those of both and the complementarity.
-// What a node has left (a nogood) also ends every later node that has the same parts and sides, in this and
-// in later runs (Marques-Silva and Sakallah, "GRASP", 1999, for clauses).
+// It is a depth-first tree over the complementarities. A node consists of rows only, with one side fixed at
+// zero for some pairs. A contradictory node yields the parts and sides that its proof needs, called a nogood.
+// If one child of a branching does not need the side of its pair, the branching ends with that child's
+// nogood. Otherwise it ends with the nogoods of both children and the complementarity. A nogood also closes
+// every later node that has the same parts and sides, in this run and in later runs (Marques-Silva and
+// Sakallah, "GRASP", 1999, for clauses).
 #pragma once
 
 #include <cstdint>
@@ -16,8 +18,8 @@
 
 namespace marble {
 
-/// Numbers of a problem's parts: rows of [A; C; L; R] by theirs, then the complementarities. An L or R row
-/// that is a part is nonnegative.
+/// Numbers of a problem's parts: rows of [A; C; L; R] by their number, then the complementarities. An L or R
+/// row that is a part must be nonnegative.
 struct PartNumbers {
   explicit PartNumbers(const Problem& problem)
       : first_side(problem.equalities() + problem.inequalities()), pairs(problem.pairs()) {}
@@ -29,25 +31,25 @@ struct PartNumbers {
   Index first_side, pairs;
 };
 
-/// Of each part, whether it is there.
+/// For each part, whether it is included.
 using Parts = std::vector<std::uint8_t>;
 
 class Refutation {
  public:
   enum class End {
-    feasible,   ///< there is a point: it was checked
-    refuted,    ///< `support()` alone has none
-    undecided,  ///< interrupted, or a node was neither
+    feasible,   ///< a point was found and checked
+    refuted,    ///< `support()` alone has no point
+    undecided,  ///< interrupted, or a node was neither feasible nor refuted
   };
 
-  /// All must outlive it.
+  /// All arguments must outlive this object.
   Refutation(const Problem& problem, const Options& options, const SolveControls& controls,
              const SetupControls& setup);
 
   [[nodiscard]] End run(const Parts& parts);
-  /// Of the last run that refuted: which of its parts it needs.
+  /// Returns the parts that the last successful refutation needs.
   [[nodiscard]] const Parts& support() const { return support_; }
-  /// Whether it has come to its limit of nodes, or was interrupted: each further run is undecided.
+  /// True if the limit of nodes is reached or the run was interrupted. Every further run is then undecided.
   [[nodiscard]] bool is_over() const;
   [[nodiscard]] const Interrupt& interrupt() const { return interrupt_; }
   [[nodiscard]] const LinearRows& rows() const { return rows_; }
@@ -55,7 +57,7 @@ class Refutation {
   [[nodiscard]] const PartNumbers& numbers() const { return numbers_; }
 
  private:
-  // What a refutation needs, ascending: parts, and sides 2 k (s of pair k is 0) and 2 k + 1 (t is).
+  // What a refutation needs, ascending: parts, and sides 2 k (s of pair k is 0) and 2 k + 1 (t is 0).
   struct Nogood {
     std::vector<Index> parts, sides;
   };
@@ -76,11 +78,11 @@ class Refutation {
   PartNumbers numbers_;
   Interrupt interrupt_;
   Parts parts_, support_;
-  std::vector<std::uint8_t> zero_;  // of each pair: 1 where s, 2 where t is zero in this node
-  std::vector<double> weight_;      // of each pair: 1 + in how many nogoods it was
+  std::vector<std::uint8_t> zero_;  // for each pair: 1 if s, 2 if t is zero in this node
+  std::vector<double> weight_;      // for each pair: 1 + the number of nogoods that contain it
   std::vector<Nogood> nogoods_;
-  std::vector<Vector> points_;  // of earlier runs
-  double kept_numbers_ = 0.0;   // of nogoods and points together
+  std::vector<Vector> points_;  // from earlier runs
+  double kept_numbers_ = 0.0;   // numbers in nogoods and points together
   bool found_ = false;
   std::int64_t nodes_ = 0;
   int depth_ = 0;

@@ -9,7 +9,7 @@
 
 namespace marble {
 
-// Columns by falling multipliers: the large ones become the basis, where rounding hurts least.
+// Sorts columns by decreasing multipliers: the large ones become the basis, where rounding does least harm.
 bool VertexTableau::fill(std::span<const HeldRow> held, std::span<const double> multipliers) {
   places_.clear();
   std::vector<double> size(held.size());
@@ -55,8 +55,8 @@ void VertexTableau::pivot(Eigen::Index line, Eigen::Index column) {
   basis_[static_cast<std::size_t>(line)] = column;
 }
 
-// A column that the basis does not span joins it. Else it is Σ t of the basis, and the multipliers move along
-// that until the column's own, or one of the basis, is 0.
+// Adds a column to the basis if the basis does not span it. Otherwise it equals Σ t of the basis, and the
+// multipliers move along this dependency until the column's own or one of the basis is 0.
 void VertexTableau::enter(Eigen::Index column, std::span<const HeldRow> held) {
   const auto lines = static_cast<Eigen::Index>(basis_.size());
   Eigen::Index best = -1;

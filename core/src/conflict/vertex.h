@@ -1,4 +1,4 @@
-// From any multipliers of a contradiction to those of a vertex: as few rows as there are at all.
+// Reduces the multipliers of a contradiction to those of a vertex, which has as few rows as possible.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,15 +11,15 @@ namespace marble {
 
 struct HeldRow;
 
-/// All multipliers of a contradiction, Σ m row = 0 and Σ m offset = 1 with m ≤ 0 of inequalities, are a
-/// polyhedron. From a point of it rows are taken away along dependencies between them, until those left are
-/// linearly independent together with their offsets.
+/// All multipliers of a contradiction, Σ m row = 0 and Σ m offset = 1 with m ≤ 0 for inequalities, form a
+/// polyhedron. Starting from a point of it, rows are removed along their linear dependencies, until the rest
+/// is linearly independent together with its offsets.
 class VertexTableau {
  public:
-  /// Both must outlive it.
+  /// Both arguments must outlive this object.
   VertexTableau(const RowMatrix& rows, const Vector& offset) : rows_(rows), offset_(offset) {}
 
-  /// Which of the rows are left, ascending. Empty where the tableau would have more than
+  /// Returns the remaining rows, ascending. Empty if the tableau would have more than
   /// tuning::conflict_entries numbers.
   [[nodiscard]] std::vector<std::size_t> support(std::span<const HeldRow> held,
                                                  std::span<const double> multipliers);
@@ -31,11 +31,11 @@ class VertexTableau {
 
   const RowMatrix& rows_;
   const Vector& offset_;
-  std::vector<std::size_t> places_;  // of a column, among the rows held
+  std::vector<std::size_t> places_;  // index of a column's row among the rows held
   // A line for each variable and one for the offset; a column for each row.
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> tableau_;
-  Vector multiplier_;                // of a column, of rows of norm 1
-  std::vector<Eigen::Index> basis_;  // of a line: its column; −1 if none
+  Vector multiplier_;                // by column, for rows of norm 1
+  std::vector<Eigen::Index> basis_;  // by line: its column; −1 if none
 };
 
 }  // namespace marble

@@ -1,18 +1,18 @@
-// ALADIN (Houska, Frasch and Diehl 2016) with exact Hessians and active sets: each block minimizes its own
-// cost with a price on its coupling rows, held by a proximal term; then one dense system makes them agree,
+// ALADIN (Houska, Frasch and Diehl 2016) with exact Hessians and active sets. Each block minimizes its own
+// cost plus a price on its coupling rows and a proximal term. Then one dense system makes the blocks agree,
 //
 //   (Σ S_k + δI) λ⁺ = Σ (E_k y_k + S_k μ_k) − e + δλ,   E_k z_k = E_k y_k + S_k (μ_k − λ⁺),
 //
-// with μ_k = λ + ρE_k(y_k − z_k⁻), the price at which the block would have chosen y_k without the term. That
-// is Newton's step, and too long where another active set begins; the step of the alternating direction
-// method of multipliers (Boyd et al. 2011, section 5), v the violation of a row shared by the blocks that see
-// it,
+// with μ_k = λ + ρE_k(y_k − z_k⁻), the price at which the block would choose y_k without the proximal term.
+// This is Newton's step. It is too long if another active set begins on the way. The step of the alternating
+// direction method of multipliers (Boyd et al. 2011, section 5),
 //
 //   λ⁺ = λ + ρv,   E_k z_k = E_k y_k − v,
 //
-// comes to convex blocks' agreement from anywhere, but slowly: once the pairs are frozen a step that did not
-// help is taken again, nearer to this one. Where frozen sides leave rows that nothing moves, ΣS_k is singular
-// and no price helps: pairs that pull take their other sides, one by one.
+// with v the violation of a row divided by the number of blocks that contain it, makes convex blocks agree
+// from any start, but slowly. Once the pairs are frozen, a step that did not help is repeated closer to this
+// one. If frozen sides leave rows that nothing moves, ΣS_k is singular and no price helps. Then pairs whose
+// fixed side has a wrong-sign multiplier switch sides, one by one.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -57,7 +57,7 @@ class Coordinator {
 
  private:
   enum class End { agreed, not_yet, failed, stopped };
-  // What a flip that leads nowhere goes back to.
+  // State to return to if a switch does not help.
   struct State {
     Vector prices;
     std::vector<BlockAsk> asks;
@@ -74,7 +74,7 @@ class Coordinator {
   [[nodiscard]] Expected<bool> search();
   [[nodiscard]] bool failed();
   [[nodiscard]] bool measure();
-  using Pair = std::pair<std::size_t, Index>;  // of a block, its pair
+  using Pair = std::pair<std::size_t, Index>;  // block, and pair of this block
   [[nodiscard]] bool unblock();
   void block_again();
   [[nodiscard]] State without_responses() const;
@@ -92,17 +92,17 @@ class Coordinator {
   Coordination result_;
   double proximal_;
   int raises_ = 0;
-  double newton_ = 1.0;  // how much of the way from averaging to Newton's step
-  int gains_ = 0;        // best iterations since it last changed
+  double newton_ = 1.0;  // 1: Newton's step; towards 0: the averaging step
+  int gains_ = 0;        // number of best iterations since newton_ last changed
   bool rows_hold_ = false;
-  bool blocked_ = false;                        // no price moves what the rows are short of
-  std::vector<Pair> unblocked_;                 // pairs that were flipped for that
-  std::optional<State> before_, first_before_;  // the last of these flips, and the first
+  bool blocked_ = false;                        // no price changes the remaining violation of the rows
+  std::vector<Pair> unblocked_;                 // pairs that were switched for this reason
+  std::optional<State> before_, first_before_;  // states before the last and the first of these
   std::int32_t iterations_ = 0;
   std::int64_t factorizations_ = 0;
 };
 
-// One solve of all blocks. False where one failed.
+// Solves all blocks once. Returns false if one failed.
 Expected<bool> Coordinator::tick() {
   state_.responses.reset();
   auto answers = blocks_.tick(state_.asks);
@@ -117,8 +117,8 @@ Expected<bool> Coordinator::tick() {
   return !failed();
 }
 
-// All blocks, until they agree. Where they move apart, or a price drives one to where it has no answer, they
-// go on from the best iteration more carefully.
+// Solves all blocks until they agree. If they move apart, or a price makes a block infeasible, continues more
+// cautiously from the best iteration.
 Expected<Coordinator::End> Coordinator::iterate(int most, bool may_unblock) {
   double best_apart = std::numeric_limits<double>::infinity();
   State best;
@@ -163,8 +163,9 @@ Expected<Coordinator::End> Coordinator::iterate(int most, bool may_unblock) {
   return End::not_yet;
 }
 
-// To the best iteration. Frozen blocks are convex: the step from there is taken nearer to averaging. Where
-// that does not help either, or blocks whose pairs are free leap, they are held harder.
+// Returns to the best iteration. Frozen blocks are convex, so the step from there is taken closer to the
+// averaging step. If that does not help either, or if blocks with free pairs jump, the proximal term is
+// raised.
 bool Coordinator::go_back(const State& best) {
   const bool failed = result_.failed_block.has_value();
   result_.failed_block.reset();
@@ -181,12 +182,12 @@ bool Coordinator::go_back(const State& best) {
   return true;
 }
 
-// What is gone back to in order to solve the blocks once more needs none.
+// A state from which the blocks are solved again needs no responses.
 Coordinator::State Coordinator::without_responses() const {
   return {.prices = state_.prices, .asks = state_.asks, .answers = state_.answers, .last = state_.last};
 }
 
-// A proof is one at any price, and a stop is a stop.
+// A block's proof holds at any price, and a stop is final.
 bool Coordinator::may_go_back() const {
   if (raises_ >= tuning::coupled_raises) return false;
   if (!result_.failed_block) return true;
@@ -194,7 +195,7 @@ bool Coordinator::may_go_back() const {
   return iterations_ > 1 && (status == Status::locally_infeasible || status == Status::numerical_failure);
 }
 
-// Each block looks for a better branch at the prices on which they agree. True if one moved.
+// Lets each block search for a better branch at the prices on which they agree. Returns true if one improved.
 Expected<bool> Coordinator::search() {
   const State agreed = without_responses();
   const auto back = [&] {
@@ -227,7 +228,7 @@ bool Coordinator::failed() {
   return false;
 }
 
-// How far the blocks are from agreeing, and whether that is near enough.
+// Measures how far the blocks are from agreement. Returns true if they agree within the tolerance.
 bool Coordinator::measure() {
   Vector sum = -total_;
   double step = 0.0, objective = 0.0, value = max_abs(total_);
@@ -246,7 +247,7 @@ bool Coordinator::measure() {
   return rows_hold_ && step <= options_.tolerance * (1.0 + max_abs(state_.prices));
 }
 
-// False if interrupted: nothing has changed then.
+// Returns false if interrupted; then nothing has changed.
 bool Coordinator::agree() {
   const Eigen::Index m = total_.size();
   Checkpoint checkpoint(interrupt_);
@@ -280,7 +281,7 @@ bool Coordinator::agree() {
   Vector newton = right;
   if (!solve_semidefinite(responses, newton, interrupt_)) return false;
   const Vector share = violation.cwiseQuotient(seen_by.cwiseMax(1.0));
-  const double left = least * max_abs(newton - state_.prices);  // of the violation after Newton's step
+  const double left = least * max_abs(newton - state_.prices);  // part of the violation after Newton's step
   blocked_ = !rows_hold_ && left > tuning::coupled_blocked * max_abs(violation);
   const double way = blocked_ ? 0.0 : newton_;
   state_.prices = (1.0 - way) * (state_.prices + proximal_ * share) + way * newton;
@@ -301,8 +302,9 @@ bool Coordinator::agree() {
   return true;
 }
 
-// The pair whose fixed side the prices pull hardest takes its other side, in its block alone: equal blocks
-// all took the same. False where none pulls yet, or blocks keep their answers.
+// Switches the pair whose fixed side has the largest wrong-sign multiplier, and only in its block, because
+// equal blocks all chose the same side. Returns false if no pair has one, or if the limit of switches is
+// reached.
 bool Coordinator::unblock() {
   if (std::ssize(unblocked_) >= options_.flips) return false;
   std::optional<Pair> hardest;
@@ -326,7 +328,7 @@ bool Coordinator::unblock() {
   return true;
 }
 
-// Its block has no answer with the last one on its other side.
+// Undoes the last switch, with which its block has no solution.
 void Coordinator::block_again() {
   const auto [block, pair] = unblocked_.back();
   state_ = *std::exchange(before_, std::nullopt);
@@ -335,8 +337,8 @@ void Coordinator::block_again() {
   --result_.flips;
 }
 
-// Pairs whose fixed side pulls, the hardest first: the first flip after which the blocks agree on less is
-// kept, and all are looked at again.
+// Tries to switch pairs whose fixed side has a wrong-sign multiplier, the largest first. Keeps the first
+// switch after which the blocks agree at a lower cost, and then considers all pairs again.
 Expected<void> Coordinator::try_flips() {
   std::vector<Pair> undo;
   std::vector<Pair> tried;
@@ -395,7 +397,7 @@ Expected<Coordination> Coordinator::run() {
     for (BlockAsk& ask : state_.asks) ask.frozen = true;
     result_.frozen_at = iterations_ + 1;
     end = iterate(options_.max_iterations - iterations_, true);
-    if (end && *end == End::not_yet && first_before_) {  // what was flipped led nowhere
+    if (end && *end == End::not_yet && first_before_) {  // the switches did not help
       state_ = *std::move(first_before_);
       result_.flips = 0;
     }

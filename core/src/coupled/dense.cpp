@@ -17,7 +17,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Size = Eigen::Index;
 
-// A ← QᵀAQ, tridiagonal; the reflectors stay below the subdiagonal.
+// A ← QᵀAQ, tridiagonal; the reflectors are kept below the subdiagonal.
 bool reduce(MatrixXd& a, VectorXd& diagonal, VectorXd& subdiagonal, VectorXd& scales,
             Checkpoint& checkpoint) {
   const Size n = a.rows();
@@ -40,7 +40,7 @@ bool reduce(MatrixXd& a, VectorXd& diagonal, VectorXd& subdiagonal, VectorXd& sc
   return true;
 }
 
-// A ← Q, the product of the reflectors in it.
+// A ← Q, the product of the reflectors stored in it.
 bool accumulate(MatrixXd& a, const VectorXd& scales, Checkpoint& checkpoint) {
   const Size n = a.rows();
   VectorXd v(n);
@@ -50,7 +50,7 @@ bool accumulate(MatrixXd& a, const VectorXd& scales, Checkpoint& checkpoint) {
     v.head(rest) = a.col(i).tail(rest);
     v[0] = 1.0;
     if (i == n - 2) a(n - 1, n - 1) = 1.0;
-    // Row and column i + 1 are those of the identity so far.
+    // Row and column i + 1 are still those of the identity.
     auto corner = a.bottomRightCorner(rest, rest);
     if (i < n - 2) {
       corner.col(0).setZero(), corner.row(0).setZero();
@@ -66,7 +66,7 @@ bool accumulate(MatrixXd& a, const VectorXd& scales, Checkpoint& checkpoint) {
   return true;
 }
 
-// One implicit step with Wilkinson's shift on [first, last].
+// One implicit QR step with Wilkinson's shift on [first, last].
 void step(VectorXd& diagonal, VectorXd& subdiagonal, Size first, Size last, MatrixXd& vectors) {
   const double half = 0.5 * (diagonal[last - 1] - diagonal[last]), e = subdiagonal[last - 1];
   double shift = diagonal[last];
@@ -161,7 +161,7 @@ bool solve_semidefinite(MatrixXd& a, VectorXd& x, const Interrupt& interrupt) {
     a.diagonal().tail(n - k).cwiseAbs().maxCoeff(&pivot);
     pivot += k;
     swapped[static_cast<std::size_t>(k)] = pivot;
-    if (pivot != k) {  // of the lower triangle alone
+    if (pivot != k) {  // swaps in the lower triangle only
       const Size below = n - pivot - 1;
       a.row(k).head(k).swap(a.row(pivot).head(k));
       a.col(k).tail(below).swap(a.col(pivot).tail(below));

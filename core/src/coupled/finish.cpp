@@ -19,7 +19,7 @@ void append(std::span<const double> values, std::vector<double>& to) {
   to.insert(to.end(), values.begin(), values.end());
 }
 
-// The vectors of all blocks one after the other, then the prices.
+// Joins the vectors of all blocks one after the other, followed by the prices.
 Solution stacked(const Coordination& coordination) {
   Solution joint;
   for (const BlockAnswer& answer : coordination.answers) {
@@ -63,7 +63,7 @@ std::vector<double> rows_at(const SparseMatrixView& m, std::span<const double> v
   return value;
 }
 
-// By the block's own rows: its solver may have seen others, those of frozen sides.
+// Uses the block's own rows, because its solver may have used others, those of frozen sides.
 void add_violations(const ProblemView& p, std::span<const double> z, Violations& most) {
   for (const double value : rows_at(p.A, p.b, z)) most.equality = std::max(most.equality, std::abs(value));
   for (const double value : rows_at(p.C, p.d, z)) most.inequality = std::max(most.inequality, -value);
@@ -72,7 +72,7 @@ void add_violations(const ProblemView& p, std::span<const double> z, Violations&
     most.complementarity = std::max(most.complementarity, std::abs(std::min(s[pair], t[pair])));
 }
 
-// What the blocks' own words say of all of them together: bounds of what a fresh look would see.
+// Combines the blocks' results into values of the joint problem: bounds of what a new evaluation would give.
 void tell_by_blocks(const CoupledView& view, const Coordination& coordination, Solution& joint) {
   const bool solved = coordination.status == Status::solved;
   if (solved) {
@@ -91,14 +91,14 @@ void tell_by_blocks(const CoupledView& view, const Coordination& coordination, S
     joint.iterations += own.iterations;
   }
   joint.violations.equality = std::max(joint.violations.equality, rows_violation(view, coordination));
-  // Strongly stationary blocks leave no direction of descent together; of others nothing is known.
+  // Strongly stationary blocks have no joint direction of descent; for other blocks nothing is known.
   if (solved && joint.stationarity != Stationarity::strong) {
     joint.b_stationary.reset();
     joint.second_order = std::min(joint.second_order, SecondOrder::necessary);
   }
 }
 
-// A block's certificate is one of the joint problem, with zeros for all that the block does not know.
+// Extends a block's certificate to the joint problem, with zeros outside the block.
 std::vector<double> widened(const CoupledView& view, const std::vector<BlockPlace>& places, std::size_t k,
                             const Solution& own) {
   const BlockPlace &all = places.back(), &first = places[k], &end = places[k + 1];
@@ -116,7 +116,7 @@ std::vector<double> widened(const CoupledView& view, const std::vector<BlockPlac
     put(0, n, first.variables, at(all.variables));
     return wide;
   }
-  // (y, ν, ξ, η); y ends with the rows that define v, whose multipliers are zero: v is free.
+  // (y, ν, ξ, η); y ends with the rows that define v, whose multipliers are zero because v is free.
   const std::size_t lifted_rows = own.certificate.size() - at(n_e + n_i + 2 * n_c);
   put(0, n_e, first.equalities, at(all.equalities) + view.total.size());
   put(at(n_e) + lifted_rows, n_i, first.inequalities, at(all.inequalities));
@@ -125,7 +125,7 @@ std::vector<double> widened(const CoupledView& view, const std::vector<BlockPlac
   return wide;
 }
 
-// Along a ray of one block alone that moves its coupling rows the others cannot follow.
+// True if a ray of one block moves its coupling rows; the other blocks cannot follow it.
 bool moves_rows(const CoupledView& view, std::size_t k, const Solution& own) {
   const CoupledBlock& block = view.blocks[k];
   const std::size_t n = block.problem.g.size();
@@ -183,13 +183,14 @@ std::int64_t copy_bytes(const ProblemView& p) {
          static_cast<std::int64_t>(sizeof(double)) * numbers;
 }
 
-// Of the rows: the coordinator's matrix and its sum, and of each block the response of the best iteration and
-// of the current one, with what one is made of. Of the problems: lifted blocks, then the joint one; and
-// answers, of the blocks' newest solves and of states that the coordinator may go back to.
+// Counts the coordinator's matrix and its sum and, for each block, the responses of the best and the current
+// iteration with the workspace of one response. Also counts copies of the problems (lifted blocks, then the
+// joint problem) and the solutions of the blocks' newest solves and of states that the coordinator may return
+// to.
 std::int64_t working_bytes(const CoupledView& view) {
   const auto m = std::ssize(view.total);
   std::int64_t dense = 2 * m * m, copies = 0;
-  std::vector<std::size_t> seen(view.total.size(), 0);  // the last block, from 1, that a row sees
+  std::vector<std::size_t> seen(view.total.size(), 0);  // number, from 1, of the last block with this row
   for (std::size_t k = 0; k < view.blocks.size(); ++k) {
     const CoupledBlock& block = view.blocks[k];
     std::int64_t own = 0;
@@ -216,7 +217,7 @@ double sum_of_objectives(const Coordination& coordination) {
 
 Expected<Solution> solve_from(const Problem& problem, Solution start, const Coordination& coordination,
                               const CoupledOptions& options, const CoupledControls& controls) {
-  // Blocks that do not agree have an objective that means nothing.
+  // If the blocks do not agree, their objective has no meaning.
   start.cold_objective = coordination.status == Status::solved ? sum_of_objectives(coordination)
                                                                : std::numeric_limits<double>::max();
   start.factorizations = 0;
@@ -288,7 +289,7 @@ Expected<CoupledSolution> solve_coupled(const CoupledView& view, const CoupledOp
   if (!own.begun) own.begun = std::chrono::steady_clock::now();
   return or_out_of_memory([&]() -> Expected<CoupledSolution> {
     if (auto fits = charge(own, working_bytes(view), "blocks"); !fits) return unexpected(fits.error());
-    // The blocks' solvers are gone before the joint one comes.
+    // The blocks' solvers are destroyed before the joint one is created.
     auto coordination = [&] {
       LiftedBlocks blocks(view, options, own);
       return coordinate(blocks, view.total, options, own);

@@ -1,4 +1,4 @@
-// What comes after the blocks: their answers as one, and the exact solve that begins there.
+// Joins the blocks' solutions into one and runs the exact solve that starts there.
 #pragma once
 
 #include <cstdint>
@@ -8,12 +8,12 @@
 
 namespace marble {
 
-/// Whether a set-up was ended by a caller's stop or the time limit: the solve then has an answer that says
-/// so.
+/// True if the caller's stop or the time limit ended a set-up. The solve then returns a solution with that
+/// status.
 [[nodiscard]] inline bool ends_early(const Error& error) {
   return error.code == ErrorCode::cancelled || error.code == ErrorCode::deadline_exceeded;
 }
-/// What ends a coupled solve.
+/// Returns the interrupt that ends a coupled solve.
 [[nodiscard]] inline Interrupt interrupt_of(const CoupledControls& controls, const Options& options) {
   return controls.begun ? Interrupt(controls.stop, after(*controls.begun, options.time_limit_s))
                         : Interrupt(controls.stop);
@@ -26,15 +26,15 @@ namespace marble {
   if (controls.begun) setup.until = after(*controls.begun, options.time_limit_s);
   return setup;
 }
-/// Takes `bytes` from what the controls allow. Errors: resource_exhausted of the field.
+/// Subtracts `bytes` from the memory that the controls allow. Errors: resource_exhausted with this field.
 [[nodiscard]] Expected<void> charge(CoupledControls& controls, std::int64_t bytes, const char* field);
-/// Bytes of a copy of a problem.
+/// Returns the bytes of a copy of a problem.
 [[nodiscard]] std::int64_t copy_bytes(const ProblemView& problem);
-/// Whether a caller's stop or the time limit ended it.
+/// True if the caller's stop or the time limit ended the coordination.
 [[nodiscard]] bool stopped(const Coordination& coordination);
 /// Σ f_k(y_k)
 [[nodiscard]] double sum_of_objectives(const Coordination& coordination);
-/// The problem, solved from what the blocks have found: `start` has z and multipliers of its sizes.
+/// Solves the problem from the blocks' result: `start` has z and multipliers of its sizes.
 [[nodiscard]] Expected<Solution> solve_from(const Problem& problem, Solution start,
                                             const Coordination& coordination, const CoupledOptions& options,
                                             const CoupledControls& controls);

@@ -10,7 +10,7 @@
 namespace marble {
 namespace {
 
-// A matrix of blocks along the diagonal, its columns one after the other.
+// A matrix with blocks along the diagonal, built column by column.
 class Diagonal {
  public:
   void add(const SparseMatrixView& m, Index rows, Index columns) {
@@ -59,7 +59,7 @@ OwnedProblem joint_problem(const CoupledView& view) {
   const Index coupling_begins = joint_places(view).back().equalities;
   OwnedProblem p;
   p.name = "joint";
-  // Where one block gives one triangle only, so does the joint problem.
+  // If one block gives only one triangle, the joint problem does so too.
   p.hessian_form = HessianForm::upper_triangle;
   Diagonal Q, A, C, L, R;
   Index equalities = 0;

@@ -14,7 +14,7 @@ Solution search_near(const Problem& user_problem, Solution start, const Options&
                      const CoupledControls& controls) {
   const Options options = in_force(user_options);
   const SolveControls how{.stop = controls.stop, .runner = controls.runner, .begun = controls.begun};
-  Run run(options, how);  // which refers to them
+  Run run(options, how);  // refers to options and how
   const ScaledProblem problem = scale(user_problem, options.scaling_passes, run.interrupt());
   KktCost least;
   const KktCost most{static_cast<double>(controls.setup.most_bytes), KktCost{}.flops};

@@ -13,7 +13,7 @@
 namespace marble {
 namespace {
 
-// A view's columns one after the other, with more rows below each and empty columns after the last.
+// Builds a matrix from a view's columns, with more rows below each column and empty columns after the last.
 class Columns {
  public:
   Columns(Index rows, Index columns) {
@@ -204,7 +204,7 @@ double LiftedBlock::objective(std::span<const double> z) const {
   return sum;
 }
 
-// Without v and the rows that define it; a frozen pair's multipliers are those of its two rows.
+// Removes v and the rows that define it. A frozen pair's multipliers are those of its two rows.
 Solution LiftedBlock::own(Solution lifted) const {
   Solution solution = std::move(lifted);
   solution.z.resize(at(n_));
@@ -234,7 +234,7 @@ BlockAnswer LiftedBlock::answer(Solution lifted, std::vector<double> proximal_re
   if (is_solved(lifted.status)) {
     if (!proximal_response.empty())
       answer.response = without_proximal(std::move(proximal_response), m, proximal_, ends);
-    if (answer.response.empty()) {  // T = ½/ρ, so that S = 1/ρ
+    if (answer.response.empty()) {  // T = ½/ρ, so S = 1/ρ
       answer.response.assign(m * m, 0.0);
       for (std::size_t i = 0; i < m; ++i) answer.response[i * m + i] = 1.0 / proximal_;
     }
@@ -245,7 +245,8 @@ BlockAnswer LiftedBlock::answer(Solution lifted, std::vector<double> proximal_re
     const Solution& own = answer.solution;
     const double xi = own.complementarity_multipliers_L[pair], eta = own.complementarity_multipliers_R[pair];
     const double fixed = side_[pair] != 0 ? xi : eta, free = side_[pair] != 0 ? eta : xi;
-    // The free side is at zero where its multiplier is not, and the fixed one would rather leave it.
+    // The multiplier of the free side shows that it is at zero, and that of the fixed side has the wrong
+    // sign.
     if (fixed < -tuning::near && free > tuning::near)
       answer.pulls.push_back({static_cast<Index>(pair), -fixed});
   }
@@ -289,7 +290,7 @@ std::vector<double> without_proximal(std::vector<double> with, std::size_t m, do
   Eigen::MatrixXd vectors = 0.5 * proximal * (response + response.transpose());
   Eigen::VectorXd values;
   if (!eigen_decomposition(vectors, values, interrupt)) return {};
-  // T's eigenvalue τ = 1 / (1 + μ) belongs to the curvature ρμ.
+  // T's eigenvalue τ = 1 / (1 + μ) corresponds to the curvature ρμ.
   for (double& tau : values) {
     const double curvature = std::abs(1.0 - tau);
     tau = std::max(0.0, tau) / std::max(curvature, tuning::near) / proximal;

@@ -50,7 +50,7 @@ class SolverHere final : public BlockSolver {
   std::optional<Solver> solver_;
 };
 
-// Where a block is: what its last solve has found, else zeros.
+// Returns the solution of a block's last solve, or zeros if there is none.
 Solution unchanged(const LiftedBlock& block, const std::optional<Solution>& newest) {
   if (newest) return *newest;
   const OwnedProblem& p = block.problem();
@@ -96,14 +96,14 @@ LiftedBlocks::LiftedBlocks(const CoupledView& view, const CoupledOptions& option
     blocks_[k]->newest = blocks_[k]->lifted.lifted(controls.start->blocks[k], prices);
 }
 
-// Where nothing is known a block begins at its own answer, not held anywhere: zero may be far from all that
-// it can reach. One that has none begins there all the same.
+// Without a start, a block begins at its own solution without a proximal term, because zero may be far from
+// every point that it can reach. A block without a solution begins at zero nevertheless.
 void LiftedBlocks::begin_alone(const std::vector<double>& prices) {
   const Interrupt interrupt = interrupt_of(controls_, options_);
   each([&](std::size_t k) {
     if (interrupt.requested()) return;
     Block& block = *blocks_[k];
-    // An error of it comes again in the first iteration, which tells it.
+    // The first iteration repeats any error of this solve and reports it.
     (void)or_out_of_memory([&]() -> Expected<void> {
       BlockAsk alone;
       alone.proximal = 0.0;

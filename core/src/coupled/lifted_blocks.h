@@ -1,4 +1,4 @@
-// The blocks of a coupled problem by a BlockSolver each, on a TaskRunner's threads.
+// Solves the blocks of a coupled problem, each by a BlockSolver, on a TaskRunner's threads.
 #pragma once
 
 #include <functional>
@@ -14,8 +14,8 @@ namespace marble {
 
 class LiftedBlocks final : public BlockTicks {
  public:
-  /// Of a view that check() has passed, which must outlive this. Where no start is known each
-  /// block is solved by itself first.
+  /// `view` must have passed check() and must outlive this object. Without a start, each block is first
+  /// solved alone.
   LiftedBlocks(const CoupledView& view, const CoupledOptions& options, const CoupledControls& controls);
 
   [[nodiscard]] std::span<const std::vector<Index>> rows() const override { return rows_; }
@@ -29,8 +29,8 @@ class LiftedBlocks final : public BlockTicks {
     LiftedBlock lifted;
     std::unique_ptr<BlockSolver> solver;
     LiftedResponse response;
-    std::optional<Solution> newest;  // that was solved, of the problem in force
-    int factorizations = 0;          // not told yet
+    std::optional<Solution> newest;  // newest solution of the current problem
+    int factorizations = 0;          // not reported yet
   };
   [[nodiscard]] Expected<void> open(Block& block) const;
   void begin_alone(const std::vector<double>& prices);

@@ -18,7 +18,7 @@
 namespace marble {
 namespace {
 
-constexpr Index kLastStage = std::numeric_limits<Index>::max() - 1;  // the number of stages is an Index too
+constexpr Index kLastStage = std::numeric_limits<Index>::max() - 1;  // their number must be an Index too
 
 class Cutter {
  public:
@@ -56,7 +56,7 @@ class Cutter {
   Pieces result_;
 };
 
-// Asked after each matrix: one is read in milliseconds a million entries.
+// Checked after each matrix: reading one takes milliseconds per million entries.
 Expected<void> Cutter::may_go_on() const {
   if (interrupt_.requested()) {
     return unexpected(
@@ -70,7 +70,7 @@ Expected<void> Cutter::may_go_on() const {
   return {};
 }
 
-// Where a variable stands in a piece; a copy of it, made at need.
+// Returns the index of a variable in a piece; creates a copy there if necessary.
 Index Cutter::local(Index piece, Index variable) {
   const Pieces::Place& home = result_.variables[at(variable)];
   if (home.piece == piece) return home.index;
@@ -108,7 +108,7 @@ void Cutter::cut_rows(const SparseMatrixView& m, std::span<const double> offsets
 void Cutter::cut_cost() {
   const bool upper = p_.hessian_form == HessianForm::upper_triangle;
   for_entries(p_.Q, [&](Index i, Index j, double value) {
-    if (i > j && !upper) return;  // its mirror image stands for it
+    if (i > j && !upper) return;  // represented by its mirror image
     const Index last = std::max(piece_of_[at(i)], piece_of_[at(j)]);
     const Index i_there = local(last, i), j_there = local(last, j);
     Triplets& Q = parts_[at(last)].Q;
@@ -252,11 +252,11 @@ Expected<Pieces> cut(const Problem& problem, std::span<const Index> piece_of_var
   return Cutter(problem.view(), piece_of_variable, last + 1, ends).cut();
 }
 
-// Of a copy the price is what is left of its piece's stationarity there.
+// The price of a copy is the remainder of its piece's stationarity at this variable.
 CoupledStart Pieces::start(const Solution& whole) const {
   CoupledStart start;
   start.prices.assign(total.size(), 0.0);
-  std::vector<std::vector<Index>> home(blocks.size());  // of each variable of a piece, in the whole
+  std::vector<std::vector<Index>> home(blocks.size());  // by piece: each variable's index in the whole
   for (std::size_t k = 0; k < blocks.size(); ++k) home[k].assign(blocks[k].g.size(), -1);
   for (std::size_t j = 0; j < variables.size(); ++j)
     home[at(variables[j].piece)][at(variables[j].index)] = static_cast<Index>(j);
@@ -311,7 +311,7 @@ Expected<void> PiecesOptions::check() const {
 
 namespace {
 
-// Of each piece the stage behind its last one.
+// Returns for each piece the stage after its last one.
 std::vector<Index> ends_of(std::span<const Index> stage_of_variable, std::span<const Index> piece_of_variable,
                            Index pieces) {
   std::vector<Index> ends(at(pieces), 0);
@@ -322,7 +322,7 @@ std::vector<Index> ends_of(std::span<const Index> stage_of_variable, std::span<c
   return ends;
 }
 
-// As any solve that ends in its set-up.
+// Ends like any solve that is interrupted during set-up.
 Expected<PiecesSolution> ended_before(const Problem& problem, const PiecesOptions& options,
                                       const CoupledControls& controls) {
   PiecesSolution result;
@@ -377,7 +377,7 @@ Expected<PiecesSolution> solve_in_pieces(const Problem& problem, std::span<const
     const CoupledStart start = pieces->start(*swept);
     own.start = &start;
     const CoupledView view = pieces->view();
-    // The pieces' solvers are gone before that of the whole comes.
+    // The pieces' solvers are destroyed before that of the whole problem is created.
     auto coordination = [&] {
       LiftedBlocks blocks(view, options.coupled, own);
       return coordinate(blocks, view.total, options.coupled, own);

@@ -1,4 +1,4 @@
-// Sums that are to be trusted.
+// Provides sums with an error bound.
 #pragma once
 
 #include <cmath>
@@ -8,8 +8,8 @@
 
 namespace marble {
 
-/// A sum of products as if in twice the precision (Ogita, Rump, Oishi, "Accurate sum and dot product", 2005),
-/// and of their sizes: what is left of the error is that of the numbers themselves.
+/// Computes a sum of products as if in twice the precision (Ogita, Rump, Oishi, "Accurate sum and dot
+/// product", 2005), and the sum of their sizes. The remaining error is that of the numbers themselves.
 class CarefulSum {
  public:
   void add(double a, double b) {
@@ -21,7 +21,7 @@ class CarefulSum {
     size_ += std::abs(product);
   }
   [[nodiscard]] double value() const { return value_ + correction_; }
-  /// Of numbers that are right to `relative`.
+  /// Returns the error of the sum if its numbers are accurate to `relative`.
   [[nodiscard]] double error(double relative = tuning::roundoff) const {
     return relative * size_ + std::numeric_limits<double>::min();
   }

@@ -1,5 +1,5 @@
-// When to stop: a stop token, a moment, or never; and when to step aside. Everything that may take long looks
-// at one about once a millisecond of its work.
+// Provides the condition that ends a solve (a stop token, a time, or never) and the requests to pause it.
+// Long operations check it about once per millisecond of work.
 #pragma once
 
 #include <chrono>
@@ -15,25 +15,25 @@ class Interrupt {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// Never.
+  /// Never interrupts.
   Interrupt() = default;
-  /// The moment is one of now().
+  /// `moment` is a time of now().
   explicit Interrupt(std::stop_token stop, Clock::time_point moment = Clock::time_point::max(),
                      Pause* pause = nullptr)
       : stop_(std::move(stop)), moment_(moment), pause_(pause) {}
 
-  /// Once it is true it stays so. Steps aside before, if it should.
+  /// True if the solve must stop; once true, it stays true. If a pause is requested, it pauses first.
   [[nodiscard]] bool requested() const {
     if (stop_requested()) return true;
     if (pause_ != nullptr) pause_->look();
     return now() >= moment_;
   }
-  /// A clock that stands still while the solve is paused.
+  /// Returns the time of a clock that stands still while the solve is paused.
   [[nodiscard]] Clock::time_point now() const { return now(pause_); }
   [[nodiscard]] static Clock::time_point now(const Pause* pause) {
     return pause == nullptr ? Clock::now() : Clock::now() - pause->paused();
   }
-  /// Whether it was the token.
+  /// True if the stop token requested the stop.
   [[nodiscard]] bool stop_requested() const { return stop_.stop_requested(); }
 
  private:
@@ -42,7 +42,7 @@ class Interrupt {
   Pause* pause_ = nullptr;
 };
 
-/// `seconds` after `begin`; never, if that is too far away to tell.
+/// Returns the time `seconds` after `begin`, or never if that is out of range.
 [[nodiscard]] inline Interrupt::Clock::time_point after(Interrupt::Clock::time_point begin, double seconds) {
   constexpr auto kNever = Interrupt::Clock::time_point::max();
   const std::chrono::duration<double> left = kNever - begin;
@@ -51,12 +51,12 @@ class Interrupt {
          std::chrono::duration_cast<Interrupt::Clock::duration>(std::chrono::duration<double>(seconds));
 }
 
-/// Counts the work of some loops and looks at an Interrupt now and then.
+/// Counts the work of loops and checks an Interrupt from time to time.
 class Checkpoint {
  public:
   explicit Checkpoint(const Interrupt& interrupt) : interrupt_(interrupt) {}
 
-  /// Whether to stop, after so many entries more. Once it is true it stays so.
+  /// Counts this many more entries and returns true if the loop must stop; once true, it stays true.
   [[nodiscard]] bool reached(std::int64_t entries) {
     left_ -= entries;
     return left_ < 0 && look();

@@ -41,7 +41,8 @@ class Iterate {
   Eigen::Index n_, n_c_, n_i_, n_e_;
 };
 
-/// z and the multipliers of an answer in the user's units, of this problem's sizes; σ and v stay as they are.
+/// Copies z and the multipliers of a solution from the user's units; the sizes must match. σ and v are
+/// unchanged.
 inline void take(const ScaledProblem& problem, const Solution& answer, Iterate& x) {
   const auto scaled = [](const std::vector<double>& values, ConstVectorRef scale, double factor, auto out) {
     for (Eigen::Index i = 0; i < out.size(); ++i)
@@ -57,7 +58,7 @@ inline void take(const ScaledProblem& problem, const Solution& answer, Iterate& 
   scaled(answer.complementarity_multipliers_R, rows.t_part(scale), -cost, x.lambda_R());
 }
 
-/// The other way: z and the multipliers of an iterate, in the user's units, into an answer.
+/// Does the reverse: copies z and the multipliers of an iterate to a solution, in the user's units.
 inline void tell(const ScaledProblem& problem, const Iterate& x, Solution& answer) {
   const auto unscale = [](ConstVectorRef values, ConstVectorRef scale, double factor,
                           std::vector<double>& out) {

@@ -1,4 +1,4 @@
-// Memory of a factor: large, written before it is read, and given back in a moment.
+// Memory of a factor: large, written before it is read, and quick to release.
 #pragma once
 
 #include <sys/mman.h>
@@ -13,9 +13,9 @@
 
 namespace marble {
 
-/// Like new T[size]. From 32 MiB on it is mapped by itself, in huge pages where the system has them: with
-/// small ones it takes 50 ms and more to give a gigabyte back, which a worker that is to be free at once has
-/// not got.
+/// Like new T[size]. From 32 MiB on the array has its own mapping, with huge pages if the system has them.
+/// With small pages it takes 50 ms and more to release a gigabyte, too long for a worker that must be free at
+/// once.
 template <class T>
 class LargeArray {
   static_assert(std::is_trivial_v<T>);

@@ -2,11 +2,11 @@
 
 #include <numeric>
 
-extern "C" void openblas_set_num_threads(int threads) __attribute__((weak));  // only OpenBLAS has it
+extern "C" void openblas_set_num_threads(int threads) __attribute__((weak));  // exists only in OpenBLAS
 
 namespace marble {
 
-// Once a process: another solve may be inside BLAS already.
+// Runs once per process, because another solve may be inside BLAS already.
 void keep_blas_to_one_thread() {
   [[maybe_unused]] static const bool done = [] {
     if (openblas_set_num_threads != nullptr) openblas_set_num_threads(1);

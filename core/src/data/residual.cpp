@@ -64,12 +64,12 @@ void residual(const Subproblem& sub, const Images& images, const Iterate& x, Ite
 
 namespace {
 
-// Unlike std::max, lets a NaN win and stay: a broken point must never look feasible.
+// Unlike std::max, keeps a NaN, so that an invalid point never looks feasible.
 void raise(double& worst, double value) {
   if (value > worst || std::isnan(value)) worst = value;
 }
 
-// Of the values of equalities and rows, by number.
+// Returns the largest violations, given the values of equalities and rows by number.
 Violations worst_of(const RowLayout& rows, Eigen::Index equalities, auto&& equality, auto&& value) {
   Violations worst;
   for (Eigen::Index i = 0; i < equalities; ++i) raise(worst.equality, std::abs(equality(i)));

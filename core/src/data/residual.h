@@ -1,4 +1,5 @@
-// The KKT residual (13) with equalities, and the linear images of an iterate that it is made of.
+// Provides the KKT residual (13) with equalities, and the linear images of an iterate from which it is
+// computed.
 #pragma once
 
 #include "data/iterate.h"
@@ -8,7 +9,7 @@
 
 namespace marble {
 
-/// Everything that is linear (or quadratic) in the iterate. Along a step it changes linearly, so a line
+/// All values that are linear (or quadratic) in the iterate. They change linearly along a step, so a line
 /// search needs no product with a matrix: images(x + αd) = images(x) + α·images(d).
 struct Images {
   explicit Images(const ScaledProblem& p);
@@ -18,9 +19,9 @@ struct Images {
   Vector stationarity;     ///< Q z + g + Aᵀy + Cᵀλ_w + Lᵀλ_L + Rᵀλ_R
   double objective = 0.0;  ///< ½ zᵀQz + gᵀz, scaled
 
-  /// All images of a point.
+  /// Computes all images of a point.
   void evaluate(const ScaledProblem& p, const Iterate& x);
-  /// The linear parts alone, of z without the constant terms: A z and [C; L; R] z.
+  /// Computes only the linear parts of z without the constant terms: A z and [C; L; R] z.
   void evaluate_rows(const ScaledProblem& p, ConstVectorRef z);
   /// gradient = Q z and stationarity = Q z + Aᵀy + …, without constant terms.
   void evaluate_duals(const ScaledProblem& p, const Iterate& step);
@@ -28,7 +29,7 @@ struct Images {
   void advance(double alpha, const Images& direction, ConstVectorRef dz);
 };
 
-/// What the inner loop solves: (13) for fixed κ, ρ and multiplier estimates α, β.
+/// The problem of the inner loop: (13) for fixed κ, ρ and multiplier estimates α, β.
 struct Subproblem {
   explicit Subproblem(const ScaledProblem& p)
       : equality_estimate(Vector::Zero(p.equalities())), row_estimate(p.layout) {
@@ -50,7 +51,7 @@ struct Subproblem {
 /// r(x) of (13), in the segments of the iterate.
 void residual(const Subproblem& sub, const Images& images, const Iterate& x, Iterate& r);
 
-/// Violations in the user's units, from scaled images.
+/// Returns the violations in the user's units, from scaled images.
 Violations violations(const ScaledProblem& p, const Images& images);
 /// The same in the units of the scaled rows, which are near 1.
 Violations scaled_violations(const RowLayout& rows, const Images& images);

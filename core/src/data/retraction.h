@@ -1,5 +1,5 @@
-// The softplus retraction (4): s = p(σ), t = p(−σ) with s·t = κ exactly and both positive; and the
-// exponential one that the paper compares it with.
+// Provides the softplus retraction (4), s = p(σ), t = p(−σ) with s·t = κ exactly and both positive, and the
+// exponential retraction with which the paper compares it.
 #pragma once
 
 #include <cmath>
@@ -8,7 +8,7 @@
 
 namespace marble {
 
-/// p(σ) = ½(σ + √(σ² + 4κ)) and p(−σ) = κ / p(σ), the smaller one without cancellation. Needs κ > 0.
+/// p(σ) = ½(σ + √(σ² + 4κ)) and p(−σ) = κ / p(σ); the smaller one without cancellation. Requires κ > 0.
 struct Softplus {
   double positive;  ///< p(σ)
   double negative;  ///< p(−σ)
@@ -23,11 +23,12 @@ struct Softplus {
 
   [[nodiscard]] double slope() const { return positive / root; }           ///< a = p′(σ) in (0, 1)
   [[nodiscard]] double negative_slope() const { return negative / root; }  ///< b = p′(−σ) = 1 − a
-  /// p″(σ) = 2κ / (σ² + 4κ)^{3/2}, even in σ; written with p(σ)·p(−σ) for κ.
+  /// p″(σ) = 2κ / (σ² + 4κ)^{3/2}, even in σ; κ is written as p(σ)·p(−σ).
   [[nodiscard]] double curvature() const { return 2.0 * positive * negative / (root * root * root); }
 };
 
-/// √κ·e^σ and √κ·e^−σ, which are their own slopes: no bound holds them, nor what is computed with them.
+/// √κ·e^σ and √κ·e^−σ, each its own slope up to the sign. They and everything computed from them are
+/// unbounded.
 struct Exponential {
   double positive, negative;
 
@@ -35,14 +36,15 @@ struct Exponential {
       : positive(std::sqrt(kappa) * std::exp(sigma)), negative(std::sqrt(kappa) * std::exp(-sigma)) {}
 };
 
-/// The sides s and t of a pair at σ, by either. Inequalities have the softplus always: (12) depends on it.
+/// The sides s and t of a pair at σ, by either retraction. Inequalities always use the softplus: (12) depends
+/// on it.
 class PairCurve {
  public:
   PairCurve(Retraction retraction, double sigma, double kappa)
       : PairCurve(retraction == Retraction::softplus ? of(Softplus(sigma, kappa))
                                                      : of(Exponential(sigma, kappa))) {}
 
-  /// σ of the point of the curve where s − t is this.
+  /// Returns σ of the point of the curve with this s − t.
   [[nodiscard]] static double sigma_of(Retraction retraction, double difference, double kappa) {
     return retraction == Retraction::softplus ? difference
                                               : std::asinh(difference / (2.0 * std::sqrt(kappa)));
@@ -63,7 +65,7 @@ class PairCurve {
   static PairCurve of(const Softplus& p) { return {p.positive, p.negative, p.root, false}; }
   static PairCurve of(const Exponential& e) { return {e.positive, e.negative, 1.0, true}; }
 
-  double root_;  // 1 of the exponential, whose sides are their slopes
+  double root_;  // 1 for the exponential retraction, whose sides are their own slopes
   bool exponential_;
 };
 

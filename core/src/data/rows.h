@@ -1,11 +1,11 @@
-// One numbering of the rows that may be held at zero: [C z + d; L z + l; R z + r].
+// Defines one numbering of the rows that may be held at zero: [C z + d; L z + l; R z + r].
 #pragma once
 
 #include "data/linear_algebra.h"
 
 namespace marble {
 
-/// Which rows there are: the inequalities, then the sides s = L z + l of all pairs, then their sides t.
+/// The layout of the rows: the inequalities, then the sides s = L z + l of all pairs, then their sides t.
 struct RowLayout {
   Index inequalities = 0;  ///< n_i
   Index pairs = 0;         ///< n_c
@@ -13,18 +13,18 @@ struct RowLayout {
   [[nodiscard]] Index size() const { return inequalities + 2 * pairs; }
   [[nodiscard]] Index s(Index pair) const { return inequalities + pair; }
   [[nodiscard]] Index t(Index pair) const { return inequalities + pairs + pair; }
-  /// Of a row that is no inequality: which pair it is a side of, and whether the side s.
+  /// For a row that is not an inequality: the pair that it is a side of, and whether it is the side s.
   [[nodiscard]] Index pair_of(Index row) const { return (row - inequalities) % pairs; }
   [[nodiscard]] bool is_s(Index row) const { return row < t(0); }
   bool operator==(const RowLayout&) const = default;
 
-  /// The part of a vector with a number for each row that belongs to the inequalities, to sides s or t.
+  /// The parts of a vector with one number per row: inequalities, sides s, sides t.
   auto inequality_part(auto&& values) const { return values.segment(0, inequalities); }
   auto s_part(auto&& values) const { return values.segment(inequalities, pairs); }
   auto t_part(auto&& values) const { return values.segment(inequalities + pairs, pairs); }
 };
 
-/// A number for each row, at first none in particular.
+/// One number per row, initially uninitialized.
 class RowVector {
  public:
   explicit RowVector(const RowLayout& layout) : all(layout.size()), layout_(layout) {}

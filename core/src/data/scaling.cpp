@@ -33,7 +33,7 @@ void absorb_norms(const SymmetricMatrix& matrix, Vector& norm) {
   }
 }
 
-// To rows `first` to `first` + `count` − 1.
+// Scales the rows `first` to `first` + `count` − 1.
 void apply(RowMatrix& matrix, Index first, Index count, const Vector& row_factor,
            const Vector& column_factor) {
   for (Index row = first; row < first + count; ++row) {
@@ -51,14 +51,14 @@ void apply(SymmetricMatrix& matrix, const Vector& factor) {
   }
 }
 
-// One constraint block while it is being equilibrated.
+// One constraint block during equilibration.
 struct Block {
   RowMatrix* matrix;
   Vector* scale;
   Vector norm;
 };
 
-// The cost's units only weigh Q against the rows while these are equilibrated.
+// The cost's units only weigh Q against the rows during equilibration.
 void apply(Units units, ScaledProblem& p) {
   for (double& value : p.Q.values) value *= units.cost;
   apply(p.Q, units.variable);
@@ -114,7 +114,7 @@ ScaledSizes measure(const ScaledProblem& p) {
   return sizes;
 }
 
-// What is zero has no size, and was scaled as if it were 1.
+// A zero has no size and was scaled as if its size were 1.
 bool has_drifted(double now, double then) {
   if (now == 0.0) return false;
   const double ratio = now / (then > 0.0 ? then : 1.0);
@@ -129,7 +129,7 @@ bool has_drifted(const Vector& now, const Vector& then) {
 
 double power_of_two(double factor) { return std::ldexp(1.0, std::ilogb(factor * std::sqrt(2.0))); }
 
-// The nearest power of two to 1/√norm.
+// Returns the power of two nearest to 1/√norm.
 Vector powers(const Vector& norms) {
   return norms.unaryExpr([](double norm) { return power_of_two(root_inverse(norm)); });
 }
@@ -145,14 +145,14 @@ Vector copy(std::span<const double> values) {
   return Eigen::Map<const Vector>(values.data(), static_cast<Eigen::Index>(values.size()));
 }
 
-// Into the part of a vector that begins at `first`.
+// Replaces the part of a vector that begins at `first`.
 void replace(std::span<const double> values, const Vector& factor, double common, Vector& out,
              Index first = 0) {
   const auto size = static_cast<Eigen::Index>(values.size());
   if (size > 0) out.segment(first, size) = common * copy(values).cwiseProduct(factor.segment(first, size));
 }
 
-// Into `count` rows of a matrix, from `first` on, that one matrix of the user's became.
+// Replaces `count` rows of a matrix from `first` on, which correspond to one matrix of the user.
 bool replace(std::span<const double> values, const Vector& row_factor, const Vector& column_factor,
              RowMatrix& out, Index first, Index count) {
   if (values.empty()) return false;
@@ -177,8 +177,8 @@ bool is_constant(const RowMatrix& matrix, Index row) {
   return std::all_of(begin, end, [](double value) { return value == 0.0; });
 }
 
-// A row without variables cannot be satisfied better than it is. What violates it by no more than an exact
-// solution may is taken for 0; else it would be a proof of infeasibility.
+// A row without variables has a fixed violation. If it is no larger than an exact solution may have, it is
+// taken as 0; otherwise it would be a proof of infeasibility.
 void accept_constant_rows(ScaledProblem& p) {
   for (Index row = 0; row < p.A.rows; ++row) {
     const double largest = tuning::exactness * p.equality_scale[row];
@@ -262,13 +262,13 @@ ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interru
     apply(std::move(units), p);
     equilibrate(p, passes, interrupt);
     p.g.array() *= p.variable_scale.array();
-    p.cost_scale = cost_scale(mean_size(p.Q) / cost, p.g);  // Q carries `cost` too
+    p.cost_scale = cost_scale(mean_size(p.Q) / cost, p.g);  // Q contains `cost` too
   } else {
     p.variable_scale.setOnes(n);
     p.equality_scale.setOnes(p.A.rows);
     p.row_scale.setOnes(p.rows.rows);
   }
-  // From the original: the same bits as an update with the same numbers.
+  // Computed from the original: gives the same bits as an update with the same numbers.
   rescale({.g = view.g,
            .b = view.b,
            .d = view.d,

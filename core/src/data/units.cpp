@@ -10,8 +10,8 @@
 namespace marble {
 namespace {
 
-// log₂ of each number's size to half a unit, all that units need; not a number where it is zero, or what
-// rounding left of a sum of numbers like the largest.
+// Returns log₂ of each number's size to half a unit, which is all that units need. NaN for a zero, and for
+// the rounding error of a sum of numbers as large as the largest.
 template <class Values>
 std::vector<double> log_sizes(const Values& values) {
   double largest = 0.0;
@@ -25,7 +25,7 @@ std::vector<double> log_sizes(const Values& values) {
   return logs;
 }
 
-// The nearest value of an unknown that appears once in each term: minus the mean of what is left of them.
+// Computes the optimal value of an unknown that appears once in each term: minus the mean of the remainders.
 struct Means {
   explicit Means(Eigen::Index size) : sum(Vector::Zero(size)), weight(Vector::Zero(size)) {}
   void add(Eigen::Index i, double rest, double factor = 1.0) {
@@ -36,7 +36,7 @@ struct Means {
   Vector sum, weight;
 };
 
-// Minimises the sum over rows, columns and the cost in turns, as logarithms.
+// Minimizes the sum over rows, columns and the cost in turn, as logarithms.
 class Fit {
  public:
   explicit Fit(const ScaledProblem& p)
@@ -46,7 +46,7 @@ class Fit {
         row_(Vector::Zero(p.A.rows + p.rows.rows)),
         column_(Vector::Zero(p.variables())) {}
 
-  /// Whether no number is further from 1 than units are left to be.
+  /// True if all numbers are within the range in which units stay 1.
   [[nodiscard]] bool near_one() const {
     const auto near = [](const std::vector<double>& logs) {
       return std::ranges::all_of(logs, [](double log) { return !(std::abs(log) > tuning::units_bits); });
@@ -127,8 +127,8 @@ class Fit {
     column_ = means.values();
   }
 
-  // All variables by α, all rows by −α, and the cost by γ: where there are many rows, turns alone are slow in
-  // this direction.
+  // Changes all variables by α, all rows by −α, and the cost by γ. With many rows, updates in turn alone
+  // converge slowly in this direction.
   void improve_size_and_cost() {
     double aa = 0.0, ag = 0.0, gg = 0.0, a = 0.0, g = 0.0;
     const auto add = [&](double rest, double alpha, double gamma) {
@@ -143,7 +143,7 @@ class Fit {
     visit_vector(logs_.g, 0, [&](Index j, double log) { add(log + cost_ + column_[j], 1.0, 1.0); });
     visit_constants([&](Index i, double log) { add(log + row_[i], -1.0, 0.0); });
     const double determinant = aa * gg - ag * ag;
-    // One is not determined where there are neither constants nor both of Q and g.
+    // One of them is undetermined if there are no constants and not both Q and g.
     const bool both = determinant > 0.5;
     const double alpha = both ? (gg * a - ag * g) / determinant : gg > 0.0 || aa == 0.0 ? 0.0 : a / aa;
     const double gamma = both ? (aa * g - ag * a) / determinant : gg > 0.0 ? g / gg : 0.0;

@@ -62,7 +62,7 @@ Vector DenseActiveSet::multipliers() const {
   return result;
 }
 
-// Equalities first. What is violated by no more than the rounding of its terms counts as satisfied.
+// Returns equalities first. A violation no larger than the rounding of the row's terms counts as satisfied.
 Index DenseActiveSet::most_violated() const {
   Index result = -1;
   double worst = 0.0;
@@ -70,7 +70,7 @@ Index DenseActiveSet::most_violated() const {
     const Kind kind = kinds_[static_cast<std::size_t>(row)];
     if (kind == Kind::ignored || satisfied_[static_cast<std::size_t>(row)] != 0) continue;
     const auto [value, size] = rows_.value(row, z_);
-    if (kind == Kind::equality) return row;  // held even where it is satisfied
+    if (kind == Kind::equality) return row;  // held even if it is satisfied
     const double violation = -value - tuning::roundoff * (1.0 + size);
     if (violation <= worst) continue;
     worst = violation;
@@ -79,7 +79,7 @@ Index DenseActiveSet::most_violated() const {
   return result;
 }
 
-// How z and the multipliers held move with the multiplier of a row.
+// Computes how z and the held multipliers change with the multiplier of a row.
 void DenseActiveSet::find_direction(const Vector& normal) {
   const auto held = static_cast<Eigen::Index>(held_.size());
   image_ = basis_.transpose() * normal;
@@ -90,7 +90,7 @@ void DenseActiveSet::find_direction(const Vector& normal) {
   upper_.topLeftCorner(held, held).triangularView<Eigen::Upper>().solveInPlace(rates_);
 }
 
-// The violated row's multiplier rises until the row is satisfied. Rows whose multiplier reaches zero leave.
+// Raises the violated row's multiplier until the row is satisfied. Rows whose multiplier reaches zero leave.
 DenseActiveSet::End DenseActiveSet::take(Index row) {
   const bool equality = kinds_[static_cast<std::size_t>(row)] == Kind::equality;
   Vector normal(problem_.variables());
@@ -116,7 +116,7 @@ DenseActiveSet::End DenseActiveSet::take(Index row) {
     const double to_hold = blocked ? kInfinity : std::max(0.0, -sign * at.value / slope);
     if (blocked && (drops < 0 || std::abs(at.value) <= tuning::exactness * (1.0 + at.size))) {
       if (!(std::abs(at.value) <= tuning::exactness * (1.0 + at.size))) return End::infeasible;
-      satisfied_[static_cast<std::size_t>(row)] = 1;  // a copy of rows held, up to the tolerance
+      satisfied_[static_cast<std::size_t>(row)] = 1;  // a copy of held rows, within the tolerance
       return End::optimal;
     }
     const double step = std::min(to_drop, to_hold);
@@ -135,7 +135,7 @@ DenseActiveSet::End DenseActiveSet::take(Index row) {
   return End::stopped;
 }
 
-// Turns the free columns of the basis so that the first of them carries all of the row.
+// Rotates the free columns of the basis so that the first of them contains the whole row.
 void DenseActiveSet::append(Index row, double multiplier, double sign) {
   const auto held = static_cast<Eigen::Index>(held_.size());
   for (Eigen::Index i = image_.size() - 1; i > held; --i) {

@@ -20,7 +20,7 @@ bool DenseSearch::fits(const ScaledProblem& problem) {
          problem.equalities() + problem.layout.size() <= tuning::dense_rows;
 }
 
-// As it is where Q is positive definite, else with a proximal term.
+// Factorizes Q itself if it is positive definite, otherwise Q with a proximal term.
 bool DenseSearch::factor(Run& run) {
   if (factored_) return true;
   ++run.factorizations;
@@ -32,7 +32,7 @@ bool DenseSearch::factor(Run& run) {
   return factored_;
 }
 
-// Proximal steps, and the solution on the rows that they hold as soon as it is the optimum.
+// Takes proximal steps until the solution on the rows that they hold is the optimum.
 DenseSearch::Outcome DenseSearch::minimize(Run& run, const std::vector<Kind>& kinds) {
   Vector center = Vector::Zero(problem_.variables());
   for (int pass = 0; pass < tuning::tree_passes; ++pass) {
@@ -63,8 +63,9 @@ DenseSearch::Outcome DenseSearch::minimize(Run& run, const std::vector<Kind>& ki
   return Outcome::failed;
 }
 
-// Signs of the multipliers, and rows that are not held; both to rounding, as a row within e of another turns
-// a violation into an error of z that is 1/e times as large.
+// Checks the signs of the multipliers to tuning::rounding and the rows that are not held to
+// tuning::exactness: a row within e of another turns a violation into an error of z that is 1/e times as
+// large.
 bool DenseSearch::is_optimal(const std::vector<Kind>& kinds, const StationaryPoint& point) const {
   const double wrong = tuning::rounding * (1.0 + max_abs(point.multipliers));
   std::vector<std::uint8_t> held(static_cast<std::size_t>(rows_.size()));
@@ -106,7 +107,7 @@ void DenseSearch::solve_branch(Run& run, const WorkingSet& set) {
   if (factor(run) && minimize(run, kinds_of(set)) == Outcome::optimal) offer(set);
 }
 
-// Of the pairs with no side fixed the one whose smaller side is largest; −1 where all are complementary.
+// Returns the pair without a fixed side whose smaller side is largest; −1 if all pairs are complementary.
 Index DenseSearch::most_violated_pair(const std::vector<Kind>& kinds) const {
   Index result = -1;
   double worst = tuning::exactness;
@@ -123,7 +124,7 @@ Index DenseSearch::most_violated_pair(const std::vector<Kind>& kinds) const {
   return result;
 }
 
-// Depth first, the smaller side of the pair that is farthest from complementary before the other one.
+// Searches depth first. Of the pair that is farthest from complementary, the smaller side comes first.
 void DenseSearch::search(Run& run) {
   if (!factor(run)) return;
   std::vector<Kind> root(static_cast<std::size_t>(rows_.size()), Kind::inequality);

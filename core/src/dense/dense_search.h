@@ -1,5 +1,5 @@
-// Small problems that the other engines fail on, mostly because rows nearly depend on each other: their
-// branches are solved by a dense active set method whose accuracy does not depend on a penalty.
+// Solves small problems on which the other engines fail, mostly because of nearly dependent rows. A dense
+// active set method, whose accuracy does not depend on a penalty, solves their branches.
 #pragma once
 
 #include <vector>
@@ -14,12 +14,12 @@ class DenseSearch {
  public:
   DenseSearch(const ScaledProblem& problem, Incumbent& incumbent);
 
-  /// Whether the problem is small enough: the factors are dense.
+  /// True if the problem is small enough for dense factors.
   [[nodiscard]] static bool fits(const ScaledProblem& problem);
 
   /// Solves the branch of `set` and offers the solution to the incumbent.
   void solve_branch(Run& run, const WorkingSet& set);
-  /// The same over all branches, the more promising ones first, as far as the limit of nodes allows.
+  /// The same over all branches, the more promising ones first, up to the limit of nodes.
   void search(Run& run);
 
  private:

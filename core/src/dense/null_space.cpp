@@ -11,7 +11,7 @@
 namespace marble {
 namespace {
 
-// What is left of stationarity and of the rows held, with its sign turned.
+// Negative residual of the stationarity and of the held rows.
 struct Residual {
   Vector stationarity, rows;
 };
@@ -40,7 +40,7 @@ void evaluate(const ScaledProblem& p, const RowAccess& rows, const std::vector<I
 
 }  // namespace
 
-// Each sweep gains as many digits as the condition number of the rows leaves.
+// Each sweep gains as many digits as the condition number of the rows allows.
 bool refine(const ScaledProblem& problem, const std::vector<Index>& held, StationaryPoint& point) {
   const RowAccess rows(problem);
   const auto n = static_cast<Eigen::Index>(problem.variables());

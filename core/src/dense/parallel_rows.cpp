@@ -13,7 +13,7 @@
 namespace marble {
 namespace {
 
-// Sparse rows of norm 1, turned so that the projection is not negative.
+// Sparse rows of norm 1, with signs such that their projection is not negative.
 class UnitRows {
  public:
   explicit UnitRows(const ScaledProblem& problem)
@@ -38,7 +38,7 @@ class UnitRows {
 
   [[nodiscard]] const std::vector<std::pair<double, Index>>& projections() const { return projections_; }
 
-  // Of the angle between two of them.
+  // Returns the sine of the angle between two rows.
   [[nodiscard]] double sine(Index first, Index second) {
     const auto add = [&](Index row, double factor) {
       rows_.for_each_entry(row, [&](Index column, double value) { dense_[column] += factor * value; });

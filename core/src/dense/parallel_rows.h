@@ -1,5 +1,5 @@
-// Rows that are nearly, but not exactly, parallel: an error of one of them moves z by 1/sine times as much,
-// and their multipliers grow by its square.
+// Finds rows that are nearly, but not exactly, parallel: an error of one of them moves z by 1/sine times as
+// much, and their multipliers grow with the square of this factor.
 #pragma once
 
 #include <optional>
@@ -10,16 +10,16 @@
 namespace marble {
 
 struct ParallelRows {
-  Index first, second;  ///< as RowAccess numbers them
+  Index first, second;  ///< numbered as in RowAccess
   double sine;          ///< of the angle between them
 };
 
-/// The two rows with the smallest angle of those below tuning::parallel_rows, exact multiples left out. They
-/// are found by a projection, so that some may be missed where many rows are alike. O(entries + rows log
-/// rows)
+/// Returns the two rows with the smallest angle below tuning::parallel_rows, except exact multiples. They are
+/// found by a projection, so some may be missed if many rows are alike. O(entries + rows log rows)
 [[nodiscard]] std::optional<ParallelRows> nearly_parallel_rows(const ScaledProblem& problem);
 
-/// "ill-conditioned rows A[0] and C[2]: parallel to within 1e-05", with positions as in the user's matrices.
+/// Formats "ill-conditioned rows A[0] and C[2]: parallel to within 1e-05", with positions in the user's
+/// matrices.
 [[nodiscard]] std::string describe(const ScaledProblem& problem, const ParallelRows& rows);
 
 }  // namespace marble

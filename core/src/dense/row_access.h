@@ -1,5 +1,5 @@
-// Equalities and rows [C; L; R] under one numbering, for dense methods: row i < n_e is equality i, row n_e +
-// i is row i of [C; L; R].
+// Provides equalities and rows [C; L; R] under one numbering, for dense methods: row i < n_e is equality i,
+// row n_e + i is row i of [C; L; R].
 #pragma once
 
 #include <cmath>
@@ -31,7 +31,7 @@ class RowAccess {
     to.setZero();
     for_each_entry(row, [&](Index column, double value) { to[column] = value; });
   }
-  /// The value of a row at z as if in twice the precision, and the size of the terms that it is the sum of.
+  /// The value of a row at z as if in twice the precision, and the size of the terms of its sum.
   struct Value {
     double value, size;
   };

@@ -28,7 +28,7 @@ std::vector<double> unscaled(const Vector& values, const Vector& scale, Index fi
   return result;
 }
 
-// The problem in the user's units, so that what counts as a solution is the same.
+// Returns the problem in the user's units, so that the same tolerances decide what is solved.
 OwnedProblem user_problem(const ScaledProblem& p) {
   const Vector& D = p.variable_scale;
   OwnedProblem user;
@@ -55,7 +55,7 @@ OwnedProblem user_problem(const ScaledProblem& p) {
   return user;
 }
 
-// As long as each other.
+// Returns the ends of segments of equal length.
 std::vector<Index> segment_ends(const ScaledProblem& p, const Stages& stages) {
   const std::int64_t segments =
       std::min<std::int64_t>(std::lround(p.pairs() / tuning::segment_pairs), stages.count);
@@ -65,7 +65,7 @@ std::vector<Index> segment_ends(const ScaledProblem& p, const Stages& stages) {
   return ends;
 }
 
-// The copy of the problem, and what makes it.
+// Estimates the bytes of the copy of the problem and of making it.
 double copy_bytes(const ScaledProblem& p) {
   const double entries = static_cast<double>(p.Q.values.size() + p.A.values.size() + p.rows.values.size());
   return tuning::coupled_cut_copies * entries * (sizeof(double) + sizeof(Index));

@@ -1,5 +1,5 @@
-// A long problem segment by segment: where one with many pairs has stages, a first answer that is cheap and
-// good.
+// Solves a long problem segment by segment: a cheap and good first solution for problems with many pairs and
+// with stages.
 #pragma once
 
 #include <optional>
@@ -9,13 +9,13 @@
 
 namespace marble {
 
-/// Whether a problem has so many pairs that a local search of the whole would be long: only then stages are
-/// looked for.
+/// True if a problem has so many pairs that a local search of the whole would take long. Only then the solver
+/// looks for stages.
 [[nodiscard]] bool may_have_segments(const ScaledProblem& problem);
 
-/// z and multipliers of the user's, feasible, with an objective of the user's. Nothing where the pattern has
-/// no stages (find_stages), a segment has no answer, or the run was interrupted. What it takes beside the
-/// problem's own solver is at most `most_bytes`. The run counts its factorizations.
+/// Returns a feasible z, multipliers and objective in the user's units. Returns nothing if the pattern has no
+/// stages (find_stages), a segment has no solution, or the run was interrupted. Takes at most `most_bytes`
+/// beside the problem's own solver. The run counts the factorizations.
 [[nodiscard]] std::optional<Solution> solve_in_segments(const ScaledProblem& problem, const Options& options,
                                                         Run& run, double most_bytes);
 

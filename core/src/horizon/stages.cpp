@@ -11,7 +11,8 @@
 namespace marble {
 namespace {
 
-// Which variables a row, a pair or an entry of Q off the diagonal has, and which of these have a variable.
+// A hypergraph: its edges are the rows, the pairs and the off-diagonal entries of Q, with the variables of
+// each.
 class Graph {
  public:
   explicit Graph(const ScaledProblem& p);
@@ -19,7 +20,7 @@ class Graph {
   [[nodiscard]] Index variables() const { return static_cast<Index>(first_edge_.size()) - 1; }
   [[nodiscard]] std::int64_t entries() const { return std::ssize(vertices_); }
   [[nodiscard]] Index edges() const { return static_cast<Index>(first_vertex_.size()) - 1; }
-  /// Of an edge its variables.
+  /// Returns the variables of an edge.
   [[nodiscard]] std::span<const Index> of_edge(Index edge) const {
     return part(vertices_, first_vertex_, edge);
   }
@@ -42,7 +43,7 @@ class Graph {
   std::vector<Index> first_vertex_{0}, vertices_, first_edge_, edges_;
 };
 
-// The equalities come first.
+// Adds the equalities first.
 Graph::Graph(const ScaledProblem& p) {
   for (Index row = 0; row < p.equalities(); ++row) add(p.A, row), close_edge();
   for (Index row = 0; row < p.inequalities(); ++row) add(p.rows, row), close_edge();
@@ -64,7 +65,7 @@ Graph::Graph(const ScaledProblem& p) {
     for (const Index variable : of_edge(edge)) edges_[next[variable]++] = edge;
 }
 
-// Distances of a part of the graph that hangs together.
+// Distances within a connected component of the graph.
 class Distances {
  public:
   explicit Distances(const Graph& graph)
@@ -73,7 +74,7 @@ class Distances {
         seen_(of_.size(), 0),
         seen_edge_(static_cast<std::size_t>(graph.edges()), 0) {}
 
-  /// From a variable to all that can be reached; true where that was not interrupted.
+  /// Measures from a variable to all that can be reached. Returns false if interrupted.
   [[nodiscard]] bool measure(Index from, Checkpoint& checkpoint) {
     ++round_;
     reached_.assign(1, from);
@@ -94,7 +95,7 @@ class Distances {
     return true;
   }
   [[nodiscard]] Index of(Index variable) const { return of_[variable]; }
-  /// Nearest first.
+  /// Returns the reached variables, nearest first.
   [[nodiscard]] const std::vector<Index>& reached() const { return reached_; }
   [[nodiscard]] Index farthest() const { return reached_.back(); }
   [[nodiscard]] Index length() const { return of_[farthest()]; }
@@ -105,7 +106,7 @@ class Distances {
   Index round_ = 0;
 };
 
-// Stages of what hangs together with a variable, from one end of it to the other. False if interrupted.
+// Numbers the component of a variable, from one end to the other. Returns false if interrupted.
 bool number(Distances& distances, Index variable, Checkpoint& checkpoint, std::vector<Index>& stage) {
   if (!distances.measure(variable, checkpoint)) return false;
   for (Index pass = 0, length = -1; pass < tuning::stage_passes && distances.length() > length; ++pass) {
@@ -126,15 +127,15 @@ double mean(std::span<const Index> of, const std::vector<double>& values) {
   return sum / static_cast<double>(of.size());
 }
 
-// What hangs together.
+// A connected component.
 struct Part {
   double first = std::numeric_limits<double>::infinity(), last = -first;  // places
-  double variables = 0.0, equalities = 0.0;                               // how many
+  double variables = 0.0, equalities = 0.0;                               // their numbers
   double sum_of_variables = 0.0, sum_of_equalities = 0.0;                 // of their places
 };
 
-// What belongs together moves together: a variable to the mean of what it shares rows, pairs and entries of Q
-// with.
+// Moves each variable to the mean of the rows, pairs and entries of Q that it is in, so that coupled
+// variables move together.
 std::vector<double> smoothed(const Graph& graph, const std::vector<Index>& stage, Checkpoint& checkpoint) {
   std::vector<double> place(stage.begin(), stage.end()), center(static_cast<std::size_t>(graph.edges()));
   for (int round = 0; round < tuning::stage_smoothing; ++round) {
@@ -147,8 +148,8 @@ std::vector<double> smoothed(const Graph& graph, const std::vector<Index>& stage
   return place;
 }
 
-// Places from 0 on, from the end of each part where its equalities lie rather than its variables: there are
-// more of them, which give a state.
+// Shifts places to begin at 0, at the end of each component where its equalities lie more than its variables:
+// that end has the equalities that give a state.
 void turn(const Graph& graph, Index equalities, const std::vector<Index>& part_of, std::vector<Part>& parts,
           std::vector<double>& place) {
   for (Index j = 0; j < graph.variables(); ++j) {

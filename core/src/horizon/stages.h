@@ -1,5 +1,5 @@
-// Stages of a problem, found in its pattern: numbers of the variables such that a row, a pair or an entry of
-// Q has variables of near stages only.
+// Finds stages of a problem in its pattern: numbers of the variables such that a row, a pair or an entry of Q
+// has only variables of nearby stages.
 #pragma once
 
 #include <optional>
@@ -11,18 +11,18 @@
 namespace marble {
 
 struct Stages {
-  std::vector<Index> of_variable;  ///< n, from 0 on
+  std::vector<Index> of_variable;  ///< n, numbered from 0
   Index count = 0;
 };
 
-/// Of the graph whose vertices are the variables, neighbours where a row has both: with d₀ and d₁ the
-/// distances from two ends of it that are far apart, d₀ − d₁ grows along it, and changes by 2 at most from a
-/// variable to its neighbours. Half of it is the stage. They are counted from the end that has the more
-/// equalities: there a state is given. Then each variable moves, a few times, to the mean of the rows that it
-/// is in: what a step of a plan has is so of one stage, even where distances along its chains differ.
+/// Finds stages in the graph whose vertices are the variables, with variables of a common row as neighbours.
+/// Let d₀ and d₁ be the distances from two ends that are far apart. Then d₀ − d₁ grows along the graph and
+/// differs by at most 2 between neighbours; half of it is the stage. Stages are counted from the end with
+/// more equalities, because a state is given there. Then each variable moves, a few times, to the mean of its
+/// rows, so that the variables of one step of a plan get one stage even if distances along its chains differ.
 ///
-/// Nothing where the graph is not long, with less than tuning::stages_of_widest stages for each variable of
-/// the widest, or where it was interrupted. O(entries).
+/// Returns nothing if the graph is not long, with fewer than tuning::stages_of_widest stages for each
+/// variable of the widest stage, or if interrupted. O(entries).
 [[nodiscard]] std::optional<Stages> find_stages(const ScaledProblem& problem,
                                                 const Interrupt& interrupt = {});
 

@@ -68,7 +68,7 @@ class Sweep {
   Solution whole_;
 };
 
-// Whether a stop or the time limit came before segment k.
+// True if a stop or the time limit came before segment k.
 bool Sweep::ended(std::size_t k) {
   if (!interrupt_.requested()) return false;
   whole_.status = interrupt_.stop_requested() ? Status::cancelled : Status::time_limit;
@@ -101,7 +101,7 @@ Expected<Solution> Sweep::solve(const OwnedProblem& part, const Solution* start)
 
 Expected<void> Sweep::go_forward() {
   whole_.status = Status::solved;
-  Index first = 0;  // of the stages that are not decided
+  Index first = 0;  // of the undecided stages
   for (std::size_t k = 0; k < plan_.ends.size();) {
     if (ended(k)) return {};
     const auto part = window_.problem(first, end_of(k), End::open, whole_.z, interrupt_);
@@ -127,7 +127,7 @@ Expected<void> Sweep::go_forward() {
   return {};
 }
 
-// What was found stays where it is not bettered.
+// Keeps the current values where a pass finds nothing better.
 Expected<void> Sweep::improve() {
   for (int pass = 1; pass <= plan_.passes; ++pass) {
     const double before = whole_.objective;

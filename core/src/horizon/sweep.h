@@ -1,5 +1,5 @@
-// A long horizon segment by segment: each is solved by itself from where the last one ended, with some stages
-// ahead of those that it decides.
+// Solves a long horizon segment by segment. Each segment is solved alone from the end of the previous one,
+// with some look-ahead stages beyond those that it decides.
 #pragma once
 
 #include <span>
@@ -9,20 +9,21 @@
 namespace marble {
 
 struct SweepPlan {
-  std::span<const Index> stage_of_variable;  ///< n; a row has variables of any stages
-  std::span<const Index> ends;  ///< of each segment the stage behind its last one; the last is their number
-  Index look_ahead = -1;        ///< stages beyond a segment; -1: a third of it, but at least 2
-  /// How often, at most, each segment is solved once more with stages before and behind it, between what is
-  /// known of the others.
+  std::span<const Index> stage_of_variable;  ///< n; a row may have variables of any stages
+  std::span<const Index> ends;  ///< stage after the last one of each segment; the last end is the count
+  Index look_ahead = -1;        ///< stages beyond a segment; -1: a third of its length, but at least 2
+  /// Maximum number of passes that solve each segment again, with stages before and after it, between the
+  /// current values of the other segments.
   int passes = 0;
 };
 
-/// A segment without an answer is solved once more together with the one before, which may have ended where
-/// there is no way on.
+/// Solves all segments. A segment without a solution is solved once more together with the previous one,
+/// which may have ended in a dead end.
 ///
-/// z and multipliers of the whole, feasible where the status says solved; else that of the window that was
-/// not, whose name begins the detail. Not stationary: windows know nothing of those behind them. Of the
-/// controls it takes what ends it, the runner, and the activity, where segments are parts of a local search.
+/// Returns z and multipliers of the whole problem, feasible if the status is solved. Otherwise the status is
+/// that of the unsolved window, whose name begins the detail. The point is not stationary, because windows
+/// ignore later windows. Of the controls it uses the stop token, start time, pause and runner, and the
+/// activity if the segments are parts of a local search.
 [[nodiscard]] Expected<Solution> sweep(const Problem& problem, const SweepPlan& plan, const Options& options,
                                        const SolveControls& controls, const SetupControls& setup);
 

@@ -17,7 +17,7 @@ Window::Window(const ProblemView& problem, std::span<const Index> stage)
       inequality_reach_(reach({&p_.C}, p_.d.size(), stage)),
       pair_reach_(reach({&p_.L, &p_.R}, p_.l.size(), stage)) {}
 
-// Rows without variables are of stage 0.
+// Assigns rows without variables to stage 0.
 Window::Reach Window::reach(std::initializer_list<const SparseMatrixView*> matrices, std::size_t rows,
                             std::span<const Index> stage) {
   Reach result{std::vector<Index>(rows, std::numeric_limits<Index>::max()), std::vector<Index>(rows, 0)};
@@ -89,7 +89,7 @@ Expected<OwnedProblem> Window::problem(Index first, Index end, End behind, const
         std::tuple{&window.C, &p_.C, &inequalities_, p_.d, &window.d, "C"},
         std::tuple{&window.L, &p_.L, &pairs_, p_.l, &window.l, "L"},
         std::tuple{&window.R, &p_.R, &pairs_, p_.r, &window.r, "R"}}) {
-    if (interrupt.requested()) return window;  // which is not solved
+    if (interrupt.requested()) return window;  // incomplete; not solved
     auto matrix = part(*m, *rows, z, offsets, *own, name);
     if (!matrix) return unexpected(matrix.error());
     *into = *std::move(matrix);

@@ -1,4 +1,4 @@
-// The part of a staged problem between two stages, as an LCQP of its own: what lies before is known.
+// Provides the part of a staged problem between two stages as an LCQP, with fixed values before it.
 #pragma once
 
 #include <initializer_list>
@@ -12,29 +12,29 @@ namespace marble {
 
 class Window {
  public:
-  /// A row, or a pair, belongs to the last stage that it has a variable of.
+  /// A row or pair belongs to the last stage of its variables.
   Window(const ProblemView& problem, std::span<const Index> stage);
 
-  /// What lies behind a window.
+  /// How the stages after a window are treated.
   enum class End {
-    open,   ///< nobody knows it: rows with a variable of it are left out
-    known,  ///< it is as z has it
+    open,   ///< unknown: rows with a variable of these stages are left out
+    known,  ///< fixed at the values in z
   };
-  /// The variables of the stages [first, end), and their rows; those before are as z has them. Not whole if
-  /// interrupted.
+  /// Returns the problem in the variables of the stages [first, end) and their rows; earlier variables are
+  /// fixed at their values in z. Incomplete if interrupted.
   [[nodiscard]] Expected<OwnedProblem> problem(Index first, Index end, End behind,
                                                const std::vector<double>& z, const Interrupt& interrupt);
-  /// What is known of its variables and rows, as a solution of it.
+  /// Returns the values of its variables and rows in `whole`, as a solution of the window.
   [[nodiscard]] Solution part_of(const Solution& whole) const;
-  /// Takes an answer to it over, but for rows and variables of stages from `end` on.
+  /// Copies a solution of the window to `whole`, except rows and variables of stages from `end` on.
   void take(const Solution& answer, Index end, Solution& whole) const;
 
  private:
   struct Rows {
-    std::vector<Index> kept;   // their numbers in the whole
-    std::vector<Index> local;  // −1: none of the window's
+    std::vector<Index> kept;   // their numbers in the whole problem
+    std::vector<Index> local;  // −1: not in the window
   };
-  // From the first to the last stage that a row has a variable of.
+  // First and last stage of the variables of each row.
   struct Reach {
     std::vector<Index> first, last;
   };

@@ -1,4 +1,4 @@
-// The Fortran interface of BLAS and LAPACK: what it calls, every one of them shares.
+// Declares the Fortran interface of the BLAS and LAPACK routines that the solver calls.
 #pragma once
 
 extern "C" {

@@ -9,7 +9,7 @@
 namespace marble {
 namespace {
 
-// C += factor · WᵀW, upper triangle, W with k rows and n columns, in as many calls as it takes.
+// C += factor · WᵀW, upper triangle, for W with k rows and n columns, split into several calls if necessary.
 bool add_product(double factor, const double* w, int w_stride, int k, double* c, int c_stride, int n,
                  const Interrupt& interrupt) {
   const double one = 1.0;
@@ -36,7 +36,7 @@ bool add_product(double factor, const double* w, int w_stride, int k, double* c,
   return true;
 }
 
-// dpotrf, in panels where one call would take too long.
+// dpotrf, split into panels if one call would take too long.
 bool factorize_cholesky(double* a, int n, const Interrupt& interrupt) {
   const double cube = static_cast<double>(n) * n * n;
   const int width = cube / 3.0 <= tuning::flops_of_call ? n : tuning::block_columns;
@@ -48,7 +48,7 @@ bool factorize_cholesky(double* a, int n, const Interrupt& interrupt) {
     double* const corner = a + column + static_cast<std::ptrdiff_t>(column) * n;
     int info = 0;
     dpotrf_("U", &columns, corner, &n, &info);
-    // OpenBLAS lets a NaN pass as a pivot; from there it spreads to the last one.
+    // OpenBLAS accepts a NaN as a pivot; it then spreads to the last pivot.
     if (info != 0 || !(corner[columns - 1 + static_cast<std::ptrdiff_t>(columns - 1) * n] > 0.0))
       return false;
     if (rest == 0) break;
@@ -59,8 +59,8 @@ bool factorize_cholesky(double* a, int n, const Interrupt& interrupt) {
   return true;
 }
 
-// x ← (UᵀU)⁻¹ x. Not by dpotrs, whose blocks of right-hand sides cost one alone twice its time; nor by a call
-// for a factor that takes less time than one.
+// x ← (UᵀU)⁻¹ x. Does not use dpotrs, whose blocks of right-hand sides double the time of a single one, and
+// does not call BLAS for a factor that takes less time than the call.
 void solve_triangles(const Eigen::MatrixXd& factor, VectorRef x) {
   const auto n = static_cast<int>(factor.rows());
   if (n <= tuning::tiny) {
@@ -74,7 +74,7 @@ void solve_triangles(const Eigen::MatrixXd& factor, VectorRef x) {
   dtrsv_("U", "N", "N", &n, factor.data(), &n, x.data(), &one);
 }
 
-// y ← y − S x, of the upper triangle of S.
+// y ← y − S x, with S given by its upper triangle.
 void subtract_product(const Eigen::MatrixXd& s, ConstVectorRef x, VectorRef y) {
   const auto n = static_cast<int>(s.rows());
   if (n <= tuning::tiny) {
@@ -87,7 +87,7 @@ void subtract_product(const Eigen::MatrixXd& s, ConstVectorRef x, VectorRef y) {
   dsymv_("U", &n, &minus, s.data(), &n, x.data(), &one, &plus, y.data(), &one);
 }
 
-// Large matrices are copied by columns: their memory is touched for the first time then.
+// Copies large matrices by columns, so that the copy can be interrupted: it touches their memory first.
 template <class From>
 bool fill(Eigen::MatrixXd& to, const From& from, const Interrupt& interrupt) {
   if (to.size() <= tuning::entries_between_looks) {
@@ -163,7 +163,7 @@ void DenseKkt::load(const ScaledProblem& problem) {
   find_singles(problem.layout.t(0), t_single_);
 }
 
-// Weighs e = a·e_j against itself and against the row `other`: w_ee e eᵀ + w_eo (e oᵀ + o eᵀ).
+// Adds the products of e = a·e_j with itself and with the row `other`: w_ee e eᵀ + w_eo (e oᵀ + o eᵀ).
 void DenseKkt::add_single(const Single& single, Index other, double single_single, double single_other) {
   const Index j = single.column;
   system_(j, j) += single_single * single.value * single.value;
@@ -240,7 +240,7 @@ bool DenseKkt::factorize(const RowWeights& weights) {
 
 bool DenseKkt::solve(VectorRef x, VectorRef y) { return solve(x, y, true); }
 
-// Of the transpose: what belongs to a variable is a column. Row 2 as in solve().
+// Works on the transpose: the numbers of one variable form a column. Row 2 as in solve().
 bool DenseKkt::solve_many(double* x, double* y, int count) {
   Eigen::Map<Matrix> values(x, count, variables_), multipliers(y, count, equalities_);
   if (count == 1) {
@@ -260,7 +260,7 @@ bool DenseKkt::solve_many(double* x, double* y, int count) {
 }
 
 bool DenseKkt::solve(VectorRef x, VectorRef y, bool refined) {
-  // Row 2 gives y = ρ(Ax − h); put into row 1: (H + ρAᵀA) x = f + ρAᵀh.
+  // Row 2 gives y = ρ(Ax − h). Inserted into row 1: (H + ρAᵀA) x = f + ρAᵀh.
   const auto A = rows_.topRows(equalities_);
   x.noalias() += rho_ * (A.transpose() * y);
   if (refined) residual_ = x;

@@ -11,9 +11,9 @@ namespace marble {
 class DenseKkt final : public Kkt {
  public:
   explicit DenseKkt(const ScaledProblem& problem);
-  /// Cost in the units of SparseKkt::flops, without building anything.
+  /// Estimates the cost in the units of SparseKkt::flops without building anything.
   [[nodiscard]] static double estimated_flops(const ScaledProblem& problem);
-  /// Its bytes(), without building anything.
+  /// Returns what bytes() will be, without building anything.
   [[nodiscard]] static double estimated_bytes(const ScaledProblem& problem);
 
   [[nodiscard]] bool allocate(const ScaledProblem& problem) override;
@@ -37,7 +37,7 @@ class DenseKkt final : public Kkt {
   };
   // A row with one entry: its products need no matrix multiplication.
   struct Single {
-    Index column = -1;  // -1: not such a row
+    Index column = -1;  // -1: the row is not of this kind
     double value = 0.0;
   };
   [[nodiscard]] bool add_terms(double sign);
@@ -47,7 +47,7 @@ class DenseKkt final : public Kkt {
   double rho_ = 1.0, flops_ = 0.0;
   Matrix hessian_;   // Q, upper triangle
   Matrix rows_;      // [A; C; L; R]
-  Matrix weighted_;  // its rows turned and scaled by √|k|
+  Matrix weighted_;  // rows of rows_, rotated and scaled by √|k|
   Matrix system_;    // H + ρAᵀA, upper triangle
   Matrix factor_;
   std::vector<Term> terms_;

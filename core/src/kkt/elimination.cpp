@@ -1,6 +1,6 @@
-// Liu, "The role of elimination trees in sparse factorization", 1990, for the tree; Gilbert, Ng, Peyton, "An
-// efficient algorithm to compute row and column counts for sparse Cholesky factorization", 1994, for the
-// counts. Both take little more than a look at each entry of the matrix.
+// The tree follows Liu, "The role of elimination trees in sparse factorization", 1990. The counts follow
+// Gilbert, Ng, Peyton, "An efficient algorithm to compute row and column counts for sparse Cholesky
+// factorization", 1994. Both take little more time than reading each entry of the matrix once.
 #include "kkt/elimination.h"
 
 #include <algorithm>
@@ -9,8 +9,8 @@
 namespace marble {
 namespace {
 
-// Visits every node of a tree, given by each node's first child and next sibling, -1 where there is none,
-// after its children, and empties `first_child` on the way. `stack` has room for all nodes.
+// Visits every node of a tree after its children, and clears `first_child` on the way. The tree is given by
+// each node's first child and next sibling, -1 if there is none. `stack` has space for all nodes.
 template <class Visit>
 void visit_postorder(Index root, Index* first_child, const Index* sibling, Index* stack, Visit&& visit) {
   stack[0] = root;
@@ -30,8 +30,8 @@ void visit_postorder(Index root, Index* first_child, const Index* sibling, Index
 
 constexpr Index kNone = -1;
 
-// Row k of L holds the columns on the ways from the row's entries up to k: the first way to arrive somewhere
-// without a parent makes k its parent. Ways are remembered by their far end.
+// Row k of L contains the columns on the paths from the row's entries up to k. The first path that reaches a
+// node without a parent makes k its parent. `ancestor` stores the far end of each path (path compression).
 bool find_parents(const Pattern& upper, Checkpoint& checkpoint, std::vector<Index>& parent,
                   std::vector<Index>& ancestor) {
   for (Index k = 0; k < upper.size(); ++k) {
@@ -49,7 +49,7 @@ bool find_parents(const Pattern& upper, Checkpoint& checkpoint, std::vector<Inde
   return true;
 }
 
-// Each column's entries below the diagonal.
+// Returns each column's entries below the diagonal.
 Pattern transposed(const Pattern& upper) {
   const auto n = static_cast<std::size_t>(upper.size());
   Pattern lower{std::vector<Index>(n + 2, 0), std::vector<Index>(upper.rows.size())};
@@ -63,9 +63,9 @@ Pattern transposed(const Pattern& upper) {
   return lower;
 }
 
-// The row subtree of i has its leaves where an entry's first descendant comes after that of the one before.
-// A leaf adds one to the counts on its way up; what two leaves share above their common ancestor is taken
-// off again there.
+// The row subtree of i has a leaf at each entry whose first descendant comes after that of the previous
+// entry. A leaf adds one to the counts on its path to the root. The part that two leaves share above their
+// common ancestor is subtracted there.
 class RowSubtrees {
  public:
   explicit RowSubtrees(std::size_t n) : newest_first_(n, kNone), newest_leaf_(n, kNone), ancestor_(n) {
@@ -104,7 +104,7 @@ bool count_entries(const Pattern& upper, Checkpoint& checkpoint, const std::vect
   std::vector<Index> first_descendant(parent.size(), kNone);
   for (Index k = 0; k < upper.size(); ++k) {
     Index j = order[k];
-    counts[j] = first_descendant[j] == kNone ? 1 : 0;  // the diagonal entry, told by the leaf
+    counts[j] = first_descendant[j] == kNone ? 1 : 0;  // a leaf counts the diagonal entry
     for (; j != kNone && first_descendant[j] == kNone; j = parent[j]) first_descendant[j] = k;
   }
   RowSubtrees subtrees(parent.size());

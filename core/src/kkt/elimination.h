@@ -1,4 +1,4 @@
-// What a factor will look like, without the work of its entries: elimination tree and column counts.
+// Predicts the structure of a factor without computing its entries: elimination tree and column counts.
 #pragma once
 
 #include <vector>
@@ -8,18 +8,19 @@
 
 namespace marble {
 
-/// Of L in LDLᵀ of a matrix with this pattern, in this order.
+/// Describes L in LDLᵀ of a matrix with this pattern, in this order.
 struct Elimination {
-  std::vector<Index> parent;  ///< column of each column's first entry below the diagonal; -1: it has none
+  std::vector<Index> parent;  ///< column of each column's first entry below the diagonal; -1 if there is none
   std::vector<Index> counts;  ///< entries below the diagonal, by column
-  double entries = 0.0;       ///< all of them
+  double entries = 0.0;       ///< sum of the counts
   double flops = 0.0;         ///< of one factorization
 };
 
-/// The upper triangle may have its rows in any order within a column. False if it was interrupted.
+/// Analyses an upper triangle; the rows of a column may be in any order. Returns false if interrupted.
 [[nodiscard]] bool analyse(const Pattern& upper, const Interrupt& interrupt, Elimination& out);
 
-/// The columns, each after all that lead to it: an order in which the factor has the same entries.
+/// Returns the columns in postorder: each after its descendants. The factor has the same entries in this
+/// order.
 [[nodiscard]] std::vector<Index> postorder(const std::vector<Index>& parent);
 
 }  // namespace marble

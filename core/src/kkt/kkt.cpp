@@ -23,7 +23,7 @@ bool has_long_rows(const RowMatrix& matrix) {
   return false;
 }
 
-// Data this full would fill any sparse factor: analysing one would only cost time.
+// Data this full would fill any sparse factor, so an analysis would only cost time.
 bool nearly_full(const ScaledProblem& p) {
   const auto entries = [](const auto& matrix) { return static_cast<double>(matrix.values.size()); };
   const double n = p.variables();
@@ -63,7 +63,7 @@ std::unique_ptr<Kkt> make_kkt(const ScaledProblem& p, const KktCost& most, const
   const double work = condensed_work(p.rows);
   if (work < std::min(tuning::condensing_work, 2.0 * dense.flops)) consider(KeptRows::none);
   if (has_long_rows(p.rows)) consider(KeptRows::dense);
-  // The full form has more rows and less fill in each: worth its analysis where condensing filled in.
+  // The full form has more rows but less fill-in in each. Its analysis pays off if condensing filled in.
   const auto entries = static_cast<double>(p.Q.values.size() + p.A.values.size() + p.rows.values.size());
   if (!best || best->flops() > tuning::filled_in * entries) consider(KeptRows::all);
   if (interrupt.requested()) return nullptr;

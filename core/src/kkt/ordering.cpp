@@ -1,5 +1,5 @@
-// By AMD of SuiteSparse (Amestoy, Davis, Duff, "Algorithm 837", 2004), which nothing can interrupt: a large
-// pattern is ordered by a thread of its own, and who is told to stop does not wait for it.
+// Uses AMD of SuiteSparse (Amestoy, Davis, Duff, "Algorithm 837", 2004), which cannot be interrupted. A large
+// pattern is therefore ordered on a thread of its own, and an interrupted caller does not wait for it.
 #include "kkt/ordering.h"
 
 #include <amd.h>
@@ -26,7 +26,7 @@ void order_by_amd(const Pattern& pattern, std::vector<Index>& permutation) {
   if (result == AMD_OUT_OF_MEMORY) throw std::bad_alloc();
 }
 
-// One ordering. It belongs to who asked and to the thread that computes it, whoever is there longer.
+// One ordering. The caller and the thread that computes it share ownership.
 struct Work {
   explicit Work(const Pattern& asked) : pattern(asked), permutation(static_cast<std::size_t>(asked.size())) {}
 
@@ -38,8 +38,8 @@ struct Work {
   bool has_ended = false;
 };
 
-// Those that nobody waits for any more compute to their end. Whoever asks and stops again and again does not
-// pile them up: there are only so many, and who waits for a place can be told to stop.
+// Abandoned orderings run to their end. The semaphore limits the number of orderings on their own threads, so
+// that repeated interrupted calls do not accumulate them. Waiting for it can be interrupted.
 std::counting_semaphore<>& places() {
   static std::counting_semaphore<> all(
       std::max(4, 2 * static_cast<int>(std::thread::hardware_concurrency())));
@@ -75,7 +75,7 @@ bool order(const Pattern& pattern, const Interrupt& interrupt, std::vector<Index
   }
   try {
     std::thread(compute_apart, work).detach();
-  } catch (const std::system_error&) {  // no more threads
+  } catch (const std::system_error&) {  // no more threads available
     compute_apart(work);
   }
   std::unique_lock lock(work->mutex);

@@ -1,4 +1,4 @@
-// Approximate minimum degree: an order of elimination that keeps the factor sparse.
+// Approximate minimum degree: an elimination order that keeps the factor sparse.
 #pragma once
 
 #include <vector>
@@ -8,14 +8,15 @@
 
 namespace marble {
 
-/// A symmetric pattern by the columns of its upper triangle: rows ascending, each diagonal entry there.
+/// A symmetric pattern by the columns of its upper triangle: rows ascend, and every diagonal entry is
+/// present.
 struct Pattern {
   std::vector<Index> pointers, rows;
   [[nodiscard]] Index size() const { return static_cast<Index>(pointers.size()) - 1; }
 };
 
-/// permutation[k] is the row that is eliminated as number k: what amd_order of SuiteSparse gives with its
-/// default settings. False if it was interrupted.
+/// Orders a pattern as amd_order of SuiteSparse does with its default settings: permutation[k] is the row
+/// that is eliminated as number k. Returns false if interrupted.
 [[nodiscard]] bool order(const Pattern& pattern, const Interrupt& interrupt, std::vector<Index>& permutation);
 
 }  // namespace marble

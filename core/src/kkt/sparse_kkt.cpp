@@ -8,7 +8,7 @@
 namespace marble {
 namespace {
 
-// A kept row with weight 0 must drop out: −1/k would be infinite, this decouples it to rounding.
+// A kept row with weight 0 must have no effect. −1/k would be infinite; this value decouples it to rounding.
 double minus_inverse(double weight) {
   return -1.0 / (std::abs(weight) < tuning::roundoff ? tuning::roundoff : weight);
 }
@@ -17,7 +17,7 @@ bool is_kept(KeptRows kept, Index length, Index variables) {
   return kept == KeptRows::all || (kept == KeptRows::dense && SparseKkt::is_long_row(length, variables));
 }
 
-// Collects the coordinates of the upper triangle and tells each term's position in the compressed pattern.
+// Collects the coordinates of the upper triangle and returns each term's position in the compressed pattern.
 class PatternBuilder {
  public:
   explicit PatternBuilder(Index size) : columns_(static_cast<std::size_t>(size)) {}
@@ -64,7 +64,7 @@ bool SparseKkt::is_long_row(Index length, Index variables) {
   return length > std::max(static_cast<double>(tuning::tiny), variables / tuning::dense_advantage);
 }
 
-// A condensed row brings a coordinate and a slot for each pair of its columns.
+// A condensed row needs a coordinate and a slot for each pair of its columns.
 double SparseKkt::analysis_bytes(const ScaledProblem& problem, KeptRows kept) {
   double coordinates = static_cast<double>(problem.Q.values.size() + problem.A.values.size());
   for (Index row = 0; row < problem.rows.rows; ++row) {
@@ -191,7 +191,7 @@ bool SparseKkt::build_pattern(const ScaledProblem& problem) {
   return !checkpoint.reached(0);
 }
 
-// Of the factorization, and of putting the matrix together.
+// Counts the factorization and the assembly of the matrix.
 double SparseKkt::estimated_flops() const {
   double flops = static_cast<double>(ldl_.matrix().rows.size()) + ldl_.flops();
   for (const auto* group : {&inequality_rows_, &pair_rows_}) {
@@ -295,11 +295,11 @@ Index SparseKkt::kept_negative_weights(const RowWeights& weights) const {
 bool SparseKkt::factorize(const RowWeights& weights) {
   assemble(weights);
   if (!ldl_.factorize(values_, interrupt())) return false;
-  // Haynsworth: a kept row with k > 0 asks for a negative pivot, one with k < 0 for a positive one.
+  // Haynsworth: a kept row with k > 0 requires a negative pivot, one with k < 0 a positive pivot.
   return ldl_.positive_pivots() == variables_ + kept_negative_weights(weights);
 }
 
-// Most of the forward substitution has nothing to do.
+// Skips the part of the forward substitution that is 0, which is most of it.
 bool SparseKkt::solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) {
   const std::vector<Index>& position = ldl_.position();
   solution_.setZero();

@@ -1,4 +1,4 @@
-// Sparse backend: LDLᵀ of the system, its pattern analysed once.
+// Sparse backend: LDLᵀ of the system, with a pattern that is analysed once.
 #pragma once
 
 #include <memory>
@@ -13,19 +13,18 @@ namespace marble {
 /// Which constraint rows become rows of the system instead of rank-one terms of H.
 enum class KeptRows {
   none,   ///< condense everything into (x, y)
-  dense,  ///< keep rows long enough to fill H by themselves
-  all,    ///< the full system: most rows, least fill in each
+  dense,  ///< keep rows that are long enough to fill H by themselves
+  all,    ///< the full system: most rows, least fill-in in each
 };
 
 class SparseKkt final : public Kkt {
  public:
-  /// Orders and analyses the pattern. Nothing numeric is there before allocate(). Null if interrupted, as it
-  /// then is.
+  /// Orders and analyses the pattern. Numeric data exist only after allocate(). Returns null if interrupted.
   [[nodiscard]] static std::unique_ptr<SparseKkt> analyse(const ScaledProblem& problem, KeptRows kept,
                                                           const Interrupt& interrupt = {});
-  /// Memory that the analysis itself takes, before there is anything to look at.
+  /// Returns the memory of the analysis itself, computed without running it.
   [[nodiscard]] static double analysis_bytes(const ScaledProblem& problem, KeptRows kept);
-  /// Whether a row of so many entries fills H by itself.
+  /// True if a row with this many entries fills H by itself.
   [[nodiscard]] static bool is_long_row(Index length, Index variables);
 
   [[nodiscard]] bool allocate(const ScaledProblem& problem) override;
@@ -43,7 +42,7 @@ class SparseKkt final : public Kkt {
   [[nodiscard]] bool solve_lanes(T* x, T* y, T* work);
   [[nodiscard]] bool refine();
   [[nodiscard]] bool factorize(const RowWeights& weights) override;
-  // A constraint's columns, its values (two rows for a pair), and where its terms go in the factorized
+  // A constraint's columns, its values (two rows for a pair), and the places of its terms in the factorized
   // matrix.
   struct Row {
     bool kept = false;
@@ -51,7 +50,7 @@ class SparseKkt final : public Kkt {
     std::vector<double> values,
         second_values;                // L_i and R_i of a pair; second_values is empty for inequalities
     std::vector<Index> slots;         // condensed: lower triangle of the outer product; kept: one per column
-    std::vector<Index> second_slots;  // kept pair: of its second row
+    std::vector<Index> second_slots;  // kept pair: those of its second row
     Index diagonal = -1, second_diagonal = -1;  // kept: slots of −1/k
   };
 
@@ -68,11 +67,11 @@ class SparseKkt final : public Kkt {
   std::vector<Row> inequality_rows_, pair_rows_;
   double flops_ = 0.0;
   SparseLdl ldl_;
-  std::vector<double> constant_, values_;  // of the permuted matrix: what never changes, and all
+  std::vector<double> constant_, values_;  // of the permuted matrix: the constant part, and all
   std::vector<Index> constant_slots_;      // of the entries of Q and A, in their order
   std::vector<Index> diagonal_slots_;      // of x and y
   Vector right_side_, solution_, residual_;
-  Vector many_;  // of solve_many()
+  Vector many_;  // workspace of solve_many()
 };
 
 }  // namespace marble

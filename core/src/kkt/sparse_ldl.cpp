@@ -79,8 +79,9 @@ bool SparseLdl::allocate(const Interrupt& interrupt) {
   return find_patterns(interrupt);
 }
 
-// Row k of L has entries where the paths from its columns to k in the elimination tree lead (Davis, "Direct
-// Methods for Sparse Linear Systems", 2006, section 4.2). The same at every factorization: found once.
+// Row k of L has entries on the paths from its columns to k in the elimination tree (Davis, "Direct Methods
+// for Sparse Linear Systems", 2006, section 4.2). They are the same in every factorization, so they are found
+// once.
 bool SparseLdl::find_patterns(const Interrupt& interrupt) {
   Checkpoint checkpoint(interrupt);
   std::vector<Index> flag(next_.size(), -1);
@@ -105,8 +106,9 @@ bool SparseLdl::find_patterns(const Interrupt& interrupt) {
   return true;
 }
 
-// Goes on to entry `last` of the rows' patterns, or to the end; false at a pivot that is 0. Not part of the
-// loop around it: the look at the clock there would take its registers, a fifth of its speed.
+// Continues to entry `last` of the rows' patterns, or to the end. Returns false at a pivot that is 0. Kept
+// out of the surrounding loop: the check of the clock there would take its registers and a fifth of its
+// speed.
 [[gnu::noinline]] bool SparseLdl::eliminate(const double* matrix_values, Place& place, std::int64_t last) {
   const std::int64_t* const pointers = pointers_.data();
   const Index* const rows = rows_.data();
@@ -116,7 +118,7 @@ bool SparseLdl::find_patterns(const Interrupt& interrupt) {
   double* const row = dense_row_.data();
   auto [k, at, pivot] = place;
   for (const Index n = size(); k < n; ++k) {
-    if (at == row_pointers_[k]) {  // the row has not begun
+    if (at == row_pointers_[k]) {  // the row has not started
       next[k] = pointers[k];
       pivot = 0.0;
       for (Index entry = matrix_.pointers[k]; entry < matrix_.pointers[k + 1]; ++entry) {
@@ -149,7 +151,7 @@ bool SparseLdl::find_patterns(const Interrupt& interrupt) {
   return true;
 }
 
-// Up-looking, as in SuiteSparse's LDL but with the patterns at hand.
+// Up-looking, as in SuiteSparse's LDL, but with precomputed patterns.
 bool SparseLdl::factorize(const std::vector<double>& matrix_values, const Interrupt& interrupt) {
   if (blocks_) {
     if (!blocks_->factorize(matrix_values, pivots_, interrupt)) return false;
@@ -197,7 +199,7 @@ bool SparseLdl::solve(T* x, Index first, const Interrupt& interrupt) const {
   for (Index end = size(); end > 0; end -= tuning::block_columns) {
     const Index begin = std::max<Index>(0, end - tuning::block_columns);
     for (Index j = end - 1; j >= begin; --j) {
-      T even = x[j];  // two sums: one would wait for itself
+      T even = x[j];  // two sums, because a single one would wait for itself
       T odd{};
       std::int64_t k = pointers[j];
       const std::int64_t last = pointers[j + 1];

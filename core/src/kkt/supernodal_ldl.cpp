@@ -12,7 +12,7 @@ namespace marble {
 namespace {
 
 constexpr Index kNone = -1;
-const double kOne = 1.0, kMinusOne = -1.0, kNothing = 0.0;  // BLAS wants their addresses
+const double kOne = 1.0, kMinusOne = -1.0, kNothing = 0.0;  // BLAS needs their addresses
 
 }  // namespace
 
@@ -22,7 +22,7 @@ SupernodalLdl::SupernodalLdl(const Elimination& elimination) {
   cut_into_blocks(elimination);
 }
 
-// A group takes in the one before it, where that leads to it in the tree, for few entries that are zero
+// A group absorbs the previous one if that is its child in the tree and few entries of the result are zero
 // (Ashcraft and Grimes, "The influence of relaxed supernode partitions on the multifrontal method", 1989).
 void SupernodalLdl::group_columns(const Elimination& elimination) {
   const auto below = [&](const Group& group) { return static_cast<double>(elimination.counts[group.last]); };
@@ -102,7 +102,7 @@ bool SupernodalLdl::allocate(const Pattern& matrix, const Interrupt& interrupt) 
   return !interrupt.requested();
 }
 
-// A row of L has entries where the ways from the matrix' own lead up the tree, here from group to group.
+// A row of L has entries on the paths from the matrix's own entries up the tree, here from group to group.
 bool SupernodalLdl::find_rows(const Pattern& matrix, Checkpoint& checkpoint) {
   std::vector<Index> seen(groups_.size(), kNone);
   std::vector<std::int64_t> next(groups_.size());
@@ -173,7 +173,7 @@ void SupernodalLdl::wait(Index source) {
   first_waiting_[target] = source;
 }
 
-// target −= L D Lᵀ, rows of the source from the first one in the target's columns on, by those in its
+// target −= L D Lᵀ: the source's rows from the first one in the target's columns on, times those in its
 // columns.
 void SupernodalLdl::update(const Block& source, const Block& target, const double* pivots) {
   const auto number = static_cast<Index>(&source - blocks_.data());
@@ -195,7 +195,7 @@ void SupernodalLdl::update(const Block& source, const Block& target, const doubl
   double* const out = values_.data() + target.values;
   const Index* const to = row_in_target_.data();
   const Index first_row = to[rows[first]];
-  if (to[rows[source.rows - 1]] - first_row == m - 1) {  // no row of the target between them
+  if (to[rows[source.rows - 1]] - first_row == m - 1) {  // the rows are contiguous in the target
     double* const block =
         out + static_cast<std::ptrdiff_t>(rows[first] - target.first) * target.rows + first_row;
     dgemm_("N", "N", &m, &n, &k, &kMinusOne, left, &source.rows, scaled_.data(), &k, &kOne, block,
@@ -210,7 +210,7 @@ void SupernodalLdl::update(const Block& source, const Block& target, const doubl
   }
 }
 
-// LDLᵀ of the block's own rows, then the rows below them.
+// Computes LDLᵀ of the block's own rows, then the rows below them.
 bool SupernodalLdl::eliminate(const Block& block, double* pivots) {
   double* const L = values_.data() + block.values;
   const int columns = block.columns;
@@ -270,7 +270,7 @@ bool SupernodalLdl::solve(double* x, Index first, const std::vector<double>& inv
   return true;
 }
 
-// As solve(), of the transpose: what belongs to a row of L is a column.
+// Like solve(), on the transpose: the numbers of one row of L form a column.
 bool SupernodalLdl::solve_many(double* x, int count, const std::vector<double>& inverse_pivots,
                                const Interrupt& interrupt) const {
   Checkpoint checkpoint(interrupt);

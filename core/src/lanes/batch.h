@@ -1,4 +1,4 @@
-// Many problems of one kind, eight at a time: each lane of a number has one.
+// SIMD batches of problems: up to eight problems of one kind, one in each lane of a number.
 #pragma once
 
 #include <algorithm>
@@ -10,8 +10,8 @@
 
 namespace marble {
 
-/// As many problems from number `first` on as T has lanes, of which the first `count` are wanted; the other
-/// lanes have the first one again.
+/// As many problems from number `first` on as T has lanes. Only the first `count` are valid; the other lanes
+/// repeat the first one.
 template <class T>
 class Batch {
  public:
@@ -19,7 +19,7 @@ class Batch {
   [[nodiscard]] int count() const { return count_; }
   [[nodiscard]] Index number(int lane) const { return first_ + (lane < count_ ? lane : 0); }
 
-  /// Entry i of each one's part of `values`; a part has `size` numbers.
+  /// Returns entry i of each problem's part of `values`; a part has `size` numbers.
   [[nodiscard]] T read(std::span<const double> values, std::size_t size, Index i) const {
     const double* const first = values.data() + static_cast<std::size_t>(first_) * size + i;
     if (count_ == lanes_of<T>)
@@ -31,7 +31,7 @@ class Batch {
     double* const first = to.data() + static_cast<std::size_t>(first_) * size + i;
     for_each([&](int k) { first[static_cast<std::size_t>(k) * size] = lane(value, k); });
   }
-  /// Calls work(lane) of those that are wanted; by name, as Lanes does.
+  /// Calls work(lane) for the valid lanes; unrolled, as in Lanes.
   template <class Work>
   void for_each(const Work& work) const {
     [&]<int... I>(std::integer_sequence<int, I...>) { (void)((I < count_ && (work(I), true)) && ...); }
@@ -43,8 +43,8 @@ class Batch {
   int count_;
 };
 
-/// In batches of 8, and what is left in the least batch that has room for it. Ends with false where work() is
-/// false.
+/// Runs work() in batches of 8; the rest runs in the smallest batch that holds it. Returns false as soon as
+/// work() does.
 template <class Work>
 bool in_batches(Index count, const Work& work) {
   for (Index first = 0; first < count; first += 8) {

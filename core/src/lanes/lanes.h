@@ -1,5 +1,5 @@
-// Several numbers that go the same way through the same loop: an algorithm that is written for a number T
-// runs with T = double for one vector, with T = Lanes<8> for eight, whose indices are then read once for all.
+// SIMD batch of numbers that pass through the same loop: an algorithm written for a number type T runs on one
+// vector with T = double, and on eight with T = Lanes<8>, which reads indices only once for all.
 #pragma once
 
 #include <utility>
@@ -13,7 +13,7 @@ namespace marble {
 using LanePair [[gnu::vector_size(16), gnu::may_alias]] = double;
 
 inline LanePair larger_pair(LanePair a, LanePair x) {
-#ifdef __SSE2__  // what compilers make of the other line takes three times as long
+#ifdef __SSE2__  // compilers' code for the other line takes three times as long
   return _mm_max_pd(_mm_andnot_pd(_mm_set1_pd(-0.0), x), a);
 #else
   const LanePair size = x < 0.0 ? -x : x;
@@ -21,7 +21,7 @@ inline LanePair larger_pair(LanePair a, LanePair x) {
 #endif
 }
 
-/// N numbers, of which N = 2, 4 or 8 in a row in memory are one.
+/// N numbers, N = 2, 4 or 8, contiguous in memory.
 template <int N>
 struct Lanes {
   static_assert(N % 2 == 0);
@@ -43,13 +43,13 @@ struct Lanes {
   friend Lanes product(Lanes a, const Lanes& b) {
     return a.each(b, [](auto& x, auto y) { x *= y; });
   }
-  /// In each lane what is larger, a ≥ 0 or |x|; a NaN is passed over.
+  /// Returns in each lane the larger of a ≥ 0 and |x|; ignores NaN.
   friend Lanes larger(Lanes a, const Lanes& x) {
     return a.each(x, [](auto& most, auto y) { most = larger_pair(most, y); });
   }
 
  private:
-  // By name: a loop would stay one, and take the numbers out of their registers.
+  // Unrolled: compilers would keep a loop and move the numbers out of their registers.
   template <class Work>
   Lanes& each(const Lanes& other, const Work& work) {
     [&]<int... I>(std::integer_sequence<int, I...>) { (work(pairs[I], other.pairs[I]), ...); }
@@ -79,7 +79,7 @@ template <int N>
 void set_lane(Lanes<N>& x, int i, double value) {
   x.pairs[i / 2][i % 2] = value;
 }
-/// Of what value_of(lane) tells.
+/// Returns the number whose lanes are value_of(lane).
 template <class T, class ValueOf>
 T made_of(const ValueOf& value_of) {
   if constexpr (lanes_of<T> == 1) {
@@ -91,7 +91,7 @@ T made_of(const ValueOf& value_of) {
     (std::make_integer_sequence<int, lanes_of<T> / 2>());
   }
 }
-/// Whether each lane is 0.
+/// True if every lane is 0.
 inline bool is_zero(double x) { return x == 0.0; }
 template <int N>
 bool is_zero(const Lanes<N>& x) {

@@ -18,11 +18,11 @@ void L1Penalty::start(ConstVectorRef initial_z) {
   qp_.start(initial_z);
   x_.all.setZero();
   x_.z() = initial_z;
-  penalty_ = 0.0;  // of the first QP, whose minimum chooses the first sides
+  penalty_ = 0.0;  // of the first QP, whose minimum selects the first sides
   costs_.setZero();
 }
 
-// The smaller ones; a tie changes nothing. False if none has changed.
+// Chooses the smaller sides; a tie changes nothing. Returns false if none has changed.
 bool L1Penalty::choose_sides(bool first) {
   const RowLayout& layout = problem_.layout;
   bool changed = false;

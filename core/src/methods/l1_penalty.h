@@ -1,9 +1,9 @@
-// The exact penalty of the pairs, μ Σ min(s, t), with all other constraints as they are.
+// The exact penalty of the pairs, μ Σ min(s, t), with all other constraints unchanged.
 //
-// It is concave: on the side that is chosen of each pair it is linear and nowhere below. So the QP's minimum
-// of f + μ Σ (the side chosen) has a lower f + μ Σ min(s, t) wherever another side is the smaller one there;
-// these sides are the next QP's. Where they stay, the point is a local minimum of the piece, and μ grows
-// tenfold until all of them are 0, which they are once μ is above the multipliers.
+// The penalty is concave: the linear function of the chosen side of each pair is nowhere below it. Let a QP
+// minimize f + μ Σ (chosen side). If another side is smaller at its minimum, f + μ Σ min(s, t) is lower
+// there, and the next QP uses these sides. If the sides stay, the point is a local minimum of the current
+// piece. Then μ grows tenfold until all chosen sides are 0, which they are once μ exceeds the multipliers.
 #pragma once
 
 #include <cstdint>

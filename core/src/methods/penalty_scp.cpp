@@ -23,11 +23,11 @@ void PenaltyScp::start(ConstVectorRef initial_z) {
   qp_.start(initial_z);
   x_.all.setZero();
   x_.z() = initial_z;
-  penalty_ = 0.0;  // of the first QP, whose minimum all begins at
+  penalty_ = 0.0;  // of the first QP, whose minimum is the start
   evaluate_rows();
 }
 
-// s, t and what πφ costs by row, π(t, s).
+// Computes s, t and the cost of πφ by row, π(t, s).
 void PenaltyScp::evaluate_rows() {
   const RowLayout& layout = problem_.layout;
   multiply(problem_.rows, x_.z(), rows_);
@@ -46,7 +46,7 @@ double PenaltyScp::length(double slope) {
   return curvature <= 0.0 ? 1.0 : std::clamp(-slope / curvature, 0.0, 1.0);
 }
 
-// The multipliers of the pairs' sides are the QP's and what the penalty adds, π(t, s).
+// The multipliers of the pairs' sides are those of the QP plus the penalty's part, π(t, s).
 ReferenceMethod::State PenaltyScp::step(Run& run) {
   if (!qp_.solve(run, costs_)) return State::failed;
   ++run.iterations;
@@ -61,7 +61,7 @@ ReferenceMethod::State PenaltyScp::step(Run& run) {
   step_length_ = first ? 1.0 : length(slope);
   const bool stationary = first || -slope <= tuning::rounding * size;
   x_.z() += step_length_ * step_;
-  // A point between the sides of a pair may be stationary for every π: LCQPow perturbs its steps as well.
+  // A point between the sides of a pair may be stationary for every π. LCQPow also perturbs its steps.
   for (Index i = 0; i < problem_.variables(); ++i)
     x_.z()[i] += tuning::roundoff * (noise(static_cast<std::uint64_t>(run.iterations), i) - 0.5);
   x_.y() = minimum.y();

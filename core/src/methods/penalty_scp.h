@@ -1,9 +1,9 @@
-// The pairs' products as a penalty, linearized: LCQPow's iteration (Hall, Nurkanović, Messerer and Diehl,
+// The pairs' products as a linearized penalty: LCQPow's iteration (Hall, Nurkanović, Messerer and Diehl,
 // 2022).
 //
-// With φ(z) = s(z)ᵀt(z), the QP's minimum of f + π∇φ(z_j)ᵀz over all constraints but complementarity gives a
-// step d, of which z takes α = −∇(f + πφ)ᵀd / dᵀ(Q + π∇²φ)d, at most 1, and 1 along negative curvature. Where
-// z is stationary and φ is not 0, π doubles.
+// With φ(z) = s(z)ᵀt(z), a QP minimizes f + π∇φ(z_j)ᵀz over all constraints except complementarity, which
+// gives a step d. The step length is α = −∇(f + πφ)ᵀd / dᵀ(Q + π∇²φ)d, at most 1, and 1 along negative
+// curvature. If z is stationary and φ is not 0, π doubles.
 #pragma once
 
 #include "methods/reference_method.h"
@@ -20,7 +20,7 @@ class PenaltyScp final : public ReferenceMethod {
   [[nodiscard]] const Iterate& iterate() const override { return x_; }
   [[nodiscard]] double penalty() const override { return penalty_; }
 
-  /// The share of the last QP's step that was taken.
+  /// Returns the length of the last step, relative to the QP's step.
   [[nodiscard]] double step_length() const { return step_length_; }
 
  private:

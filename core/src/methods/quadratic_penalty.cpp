@@ -16,8 +16,9 @@ void PiecewisePenalty::start(ConstVectorRef z) {
   branch_.newton.center.z() = z;
 }
 
-// The proximal term of what is flat pulls to where it begins. Without estimates it is the elastic problem of
-// the branch, for which there is an interior point method where Newton's steps are too many.
+// The proximal term, which matters only where Q is flat, is centred at the start. Without estimates this is
+// the branch's elastic problem, which has an interior point method in case Newton's method takes too many
+// steps.
 bool PiecewisePenalty::minimize(Run& run, double rho) {
   branch_.newton.center.z() = branch_.point.x.z();
   const auto estimates = branch_.newton.center.lambda();
@@ -29,7 +30,7 @@ bool PiecewisePenalty::minimize(Run& run, double rho) {
                                  run.factorizations + tuning::reference_budget);
 }
 
-// On the branch s = 0 a pair costs s² + min(0, t)², with both shifted: the smaller one is nearer. A tie
+// On the branch s = 0 a pair costs s² + min(0, t)², both shifted, so the smaller side is nearer. A tie
 // changes nothing.
 bool PiecewisePenalty::choose_sides(double rho) {
   BranchPoint& point = branch_.point;

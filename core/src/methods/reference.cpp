@@ -55,7 +55,7 @@ Reference::Reference(const ScaledProblem& problem, Kkt& kkt, const Options& opti
       images_(problem),
       reporter_(problem) {}
 
-// A copy of the problem without pairs, its engines, and the best point.
+// Counts a copy of the problem without pairs, its engines, and the best point.
 double Reference::bytes(double entries, double iterate) {
   return entries * (sizeof(double) + 2.0 * sizeof(Index)) +
          tuning::memory_iterates * iterate * sizeof(double);

@@ -1,5 +1,5 @@
-// A solve by the method of others that option `method` chooses: from a point to where that method ends, and
-// nothing more.
+// Solves by the published method that option `method` selects: from a start to where that method ends,
+// without further steps.
 #pragma once
 
 #include <memory>
@@ -13,16 +13,17 @@ namespace marble {
 
 class Reference {
  public:
-  /// Works on `branch` where a method needs one.
+  /// Works on `branch` if a method needs one.
   Reference(const ScaledProblem& problem, Kkt& kkt, const Options& options, BranchEngines& branch);
 
-  /// From z (scaled) by the method that the options name now. Solved: within the tolerances, and stationary;
-  /// solved_reduced within 100 times of them; locally_infeasible where the penalty grew in vain.
+  /// Runs the selected method from z (scaled). Returns solved if the point is within the tolerances and
+  /// stationary, solved_reduced if it is within 100 times of them, and locally_infeasible if the largest
+  /// penalty did not suffice.
   [[nodiscard]] Ending run(Run& run, ConstVectorRef initial_z);
-  /// Where it ended: the best point on the way if it was interrupted.
+  /// Returns the final point, or the best point so far if the run was interrupted.
   [[nodiscard]] const Iterate& iterate() const { return x_; }
 
-  /// Memory of one, for a problem with so many entries and an iterate of this length.
+  /// Returns the memory of one object, for a problem with this many entries and an iterate of this length.
   [[nodiscard]] static double bytes(double entries, double iterate);
 
  private:
@@ -34,7 +35,7 @@ class Reference {
   const Options& options_;
   BranchEngines& branch_;
   std::unique_ptr<ReferenceMethod> method_;
-  Method made_ = Method::marble;  // what method_ is
+  Method made_ = Method::marble;  // the method that method_ implements
   Iterate x_, best_;
   Images images_;
   Violations violations_, best_violations_;

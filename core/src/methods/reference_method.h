@@ -1,5 +1,5 @@
-// What the methods of others have in common that option `method` puts beside this solver: rounds from a point
-// to where the method itself ends. None of them polishes or searches.
+// Common interface of the published methods that option `method` offers for comparison. Each runs in rounds
+// from a start until it ends by its own rule; none of them polishes or searches.
 #pragma once
 
 #include <string>
@@ -19,21 +19,21 @@ class ReferenceMethod {
   enum class State {
     going_on,
     ended,     ///< by its own rule
-    given_up,  ///< its penalty is as large as it may be, and the pairs are not complementary yet
-    failed,    ///< a problem on the way has no solution, or was not solved
+    given_up,  ///< its penalty is at the maximum, and the pairs are not complementary yet
+    failed,    ///< a subproblem has no solution or was not solved
   };
-  /// From z (scaled), of the numbers that the problem has now.
+  /// Starts from z (scaled), with the current numbers of the problem.
   virtual void start(ConstVectorRef initial_z) = 0;
-  /// One round: a QP, a penalty's minimum, a Newton step.
+  /// Runs one round: a QP, a penalty's minimum, or a Newton step.
   [[nodiscard]] virtual State step(Run& run) = 0;
 
   /// z, y and λ; σ and v are not used.
   [[nodiscard]] virtual const Iterate& iterate() const = 0;
-  /// The penalty, 0 where there is none.
+  /// Returns the penalty, or 0 if there is none.
   [[nodiscard]] virtual double penalty() const = 0;
-  /// The τ of s∘t ≤ τ or the μ of a barrier, 0 where there is none.
+  /// Returns the τ of s∘t ≤ τ or the μ of a barrier, or 0 if there is none.
   [[nodiscard]] virtual double relaxation() const { return 0.0; }
-  /// What else there is to say of where it ended; empty where there is nothing.
+  /// Returns further information on how it ended, or an empty string.
   [[nodiscard]] virtual std::string remark() const { return {}; }
 };
 

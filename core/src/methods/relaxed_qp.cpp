@@ -40,7 +40,7 @@ bool RelaxedQp::solve(Run& run, ConstVectorRef costs) {
   return has_rows_;
 }
 
-// What is relaxed may be no problem that anybody knows: its progress is not told.
+// Reports no progress, because the relaxed problem has no meaning for the caller.
 bool RelaxedQp::solve_from_inside(Run& run) {
   Run part = run.part(true);
   interior_.start(point_.x.z(), no_rows_);
@@ -52,8 +52,8 @@ bool RelaxedQp::solve_from_inside(Run& run) {
   return solved;
 }
 
-// Where rows never settle, since both slack and multiplier vanish, or too many are held: the proximal method
-// of multipliers, from where the last try ended.
+// If the rows never settle, because slack and multiplier both vanish or too many rows are held, runs the
+// proximal method of multipliers from the end of the last attempt.
 bool RelaxedQp::solve_by_multipliers(Run& run) {
   for (const double delta : {tuning::exact_delta, tuning::elastic_delta}) {
     point_.restore(interior_.iterate(), interior_.set());

@@ -1,5 +1,5 @@
-// The problem without complementarity, every side of a pair ≥ 0 and no more, for linear costs that change:
-// what the methods solve again and again that write the pairs into the objective.
+// The problem without complementarity, in which every side of a pair is only ≥ 0, for varying linear costs.
+// The methods that put the pairs into the objective solve it repeatedly.
 #pragma once
 
 #include "branch/branch_engines.h"
@@ -10,10 +10,10 @@ class RelaxedQp {
  public:
   RelaxedQp(const ScaledProblem& problem, Kkt& kkt);
 
-  /// Takes the numbers that the problem has now; its next solution is looked for from z on.
+  /// Loads the current numbers of the problem; the next solve starts at z.
   void start(ConstVectorRef z);
-  /// Exactly, with g + Jᵀ·costs for its linear cost, J all rows, from the rows that the last solution held.
-  /// False if Q has negative curvature there, or if there is no solution.
+  /// Solves exactly with the linear cost g + Jᵀ·costs, J all rows, starting with the rows that the last
+  /// solution held. Returns false if Q has negative curvature there, or if there is no solution.
   [[nodiscard]] bool solve(Run& run, ConstVectorRef costs);
   /// z, y and λ ≤ 0 of the QP.
   [[nodiscard]] const Iterate& solution() const { return point_.x; }
@@ -32,7 +32,7 @@ class RelaxedQp {
   bool has_rows_ = false;
 };
 
-/// Whether the smaller side of every pair is zero, of the rows' values.
+/// True if the smaller side of every pair is zero, given the rows' values.
 [[nodiscard]] bool is_complementary(const RowLayout& layout, const Vector& rows);
 
 }  // namespace marble

@@ -1,4 +1,4 @@
-// The rules of a sparse matrix, whoever gives one.
+// Provides the rules of a sparse matrix, for all callers.
 #pragma once
 
 #include <string>
@@ -7,12 +7,12 @@
 
 namespace marble {
 
-/// Whether a matrix may be empty although it would have rows.
+/// When a matrix may be empty: only if it would have no rows, or always.
 enum class MayBeEmpty { without_rows, always };
 
-/// The one gate of sparse matrices. An empty one has no rows, no columns and no entry in any array; any other
-/// must have `rows` rows (which are `rows_rule`) and n columns, each with its entries in order, finite. The
-/// error's field is "<name>.values" and such.
+/// Checks a sparse matrix; all input passes through here. An empty matrix has no rows, no columns and no
+/// entry in any array. Any other must have `rows` rows (described by `rows_rule`) and n columns, and its
+/// entries must be in order and finite. The error's field is "<name>.values" and similar.
 [[nodiscard]] Expected<void> check_matrix(const SparseMatrixView& m, const std::string& name,
                                           std::size_t rows, std::size_t n, const char* rows_rule,
                                           MayBeEmpty may_be_empty = MayBeEmpty::without_rows);

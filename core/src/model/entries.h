@@ -1,4 +1,4 @@
-// Places in vectors and entries of matrices, as the user gives them.
+// Provides indices into vectors and loops over matrix entries, in the user's form.
 #pragma once
 
 #include <cstddef>
@@ -9,7 +9,7 @@ namespace marble {
 
 inline std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
-/// Calls visit(row, value) of every entry stored in column j; an empty matrix has none.
+/// Calls visit(row, value) for every stored entry of column j; an empty matrix has none.
 template <class Visit>
 void for_column(const SparseMatrixView& m, Index j, const Visit& visit) {
   if (m.columns == 0) return;
@@ -17,7 +17,7 @@ void for_column(const SparseMatrixView& m, Index j, const Visit& visit) {
     visit(m.row_indices[at(k)], m.values[at(k)]);
 }
 
-/// Calls visit(row, column, value) of every stored entry, column by column.
+/// Calls visit(row, column, value) for every stored entry, column by column.
 template <class Visit>
 void for_entries(const SparseMatrixView& m, const Visit& visit) {
   for (Index j = 0; j < m.columns; ++j)

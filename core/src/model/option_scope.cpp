@@ -5,7 +5,7 @@
 namespace marble {
 namespace {
 
-// Gives the parts of a text to `part` one by one, as long as that returns true.
+// Passes the parts of a text to `part` one by one, as long as it returns true.
 template <class Part>
 bool all_parts(std::string_view text, std::string_view separator, const Part& part) {
   while (true) {
@@ -16,7 +16,7 @@ bool all_parts(std::string_view text, std::string_view separator, const Part& pa
   }
 }
 
-// Whether a text is a scope; `holds` gets every name with its values, "fast or paper".
+// True if a text is a scope; `holds` is called with every name and its values, "fast or paper".
 template <class Holds>
 bool reads(std::string_view text, const Holds& holds) {
   return all_parts(text, ", ", [&](std::string_view condition) {

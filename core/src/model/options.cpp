@@ -8,7 +8,7 @@
 namespace marble {
 namespace {
 
-// What an option type needs to be shown, parsed and checked. A new choice adds one specialisation with its
+// Defines how an option type is printed, parsed and checked. A new choice adds one specialization with its
 // names.
 template <class T>
 struct OptionTraits;

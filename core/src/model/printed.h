@@ -1,4 +1,4 @@
-// Path::algorithm1, which is Algorithm 1 as printed and nothing else: what that means for the options.
+// Defines what Path::algorithm1, which is Algorithm 1 exactly as printed, means for the other options.
 #pragma once
 
 #include "marble/options.h"
@@ -7,7 +7,7 @@ namespace marble {
 
 [[nodiscard]] inline bool is_printed(const Options& options) { return options.path == Path::algorithm1; }
 
-/// The options in force: what is as printed has nothing before it and nothing after it.
+/// Returns the options in force: Algorithm 1 as printed has no step before it and none after it.
 [[nodiscard]] inline Options in_force(Options options) {
   if (is_printed(options)) {
     options.scaling_passes = options.local_search_budget = options.feasibility_budget = options.small_budget =

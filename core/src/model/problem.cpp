@@ -27,7 +27,7 @@ bool is_empty(const SparseMatrixView& m) {
          m.values.empty();
 }
 
-// The sizes of rows and columns that rounding is measured by; found only where mirror images differ.
+// Sizes of rows and columns against which rounding is measured. Computed only if mirror images differ.
 class RoundingOfQ {
  public:
   explicit RoundingOfQ(const SparseMatrixView& q) : q_(q) {}
@@ -49,11 +49,11 @@ class RoundingOfQ {
   }
 
   const SparseMatrixView& q_;
-  std::vector<double> largest_;  // |entry| of row or column i
+  std::vector<double> largest_;  // largest |entry| of row or column i
 };
 
-// One sweep over the columns: as rows ascend, the mirror image of the next entry below the diagonal of column
-// r is always the next unread one of that column.
+// Checks in one sweep over the columns. Rows ascend, so the mirror image of the next entry below the diagonal
+// of column r is always the next unread entry of that column.
 Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
   const auto asymmetric = [&](Index k, Index row, Index column, double mirror) {
     return unexpected(invalid("Q.values", k, text_of(q.values[k]),
@@ -80,8 +80,8 @@ Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
       }
       if (row >= column) break;
       Index& mirror = next[row];
-      // Entries of column `row` above or on its diagonal were matched when they were columns themselves;
-      // entries that rounding explains need no mirror image.
+      // Entries of column `row` above or on its diagonal were matched when those columns were visited.
+      // Entries that rounding explains need no mirror image.
       while (
           mirror < q.column_pointers[row + 1] &&
           (q.row_indices[mirror] <= row || (q.row_indices[mirror] < column && !needs_mirror(mirror, row)))) {
@@ -98,7 +98,7 @@ Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
     }
   }
   if (form == HessianForm::upper_triangle) return {};
-  for (Index column = 0; column < q.columns; ++column) {  // below the diagonal, matched by nothing above
+  for (Index column = 0; column < q.columns; ++column) {  // below the diagonal, without a match above it
     for (Index k = next[column]; k < q.column_pointers[column + 1]; ++k) {
       if (q.row_indices[k] > column && needs_mirror(k, column))
         return asymmetric(k, q.row_indices[k], column, 0.0);
@@ -253,7 +253,7 @@ Expected<SparseMatrix> compress(Index rows, Index columns, const Triplets& entri
     return unexpected(valid.error());
   if (auto valid = check_finite(entries.values, prefix + ".v"); !valid) return unexpected(valid.error());
 
-  // By columns in one pass, then each by rows; duplicates stay in their order.
+  // Sorts by columns in one pass, then each column by rows; duplicates keep their order.
   std::vector<Index> ends(static_cast<std::size_t>(columns) + 1, 0), order(count);
   for (const Index column : entries.columns) ++ends[static_cast<std::size_t>(column) + 1];
   std::partial_sum(ends.begin(), ends.end(), ends.begin());
@@ -261,7 +261,7 @@ Expected<SparseMatrix> compress(Index rows, Index columns, const Triplets& entri
     order[static_cast<std::size_t>(ends[static_cast<std::size_t>(entries.columns[k])]++)] =
         static_cast<Index>(k);
   const auto by_rows = [&](Index a, Index b) { return entries.rows[a] < entries.rows[b]; };
-  for (Index column = 0, begin = 0; column < columns; ++column) {  // each begins where the last one ends
+  for (Index column = 0, begin = 0; column < columns; ++column) {  // each begins where the previous ends
     const Index end = ends[static_cast<std::size_t>(column)];
     if (!std::is_sorted(order.begin() + begin, order.begin() + end, by_rows))
       std::stable_sort(order.begin() + begin, order.begin() + end, by_rows);

@@ -10,7 +10,7 @@
 namespace marble {
 namespace {
 
-// Entries that it moves, but at least one.
+// Returns the number of entries that a block moves, at least one.
 std::int64_t moved_by(const ShiftBlock& block) {
   return block.by == 0 ? 1 : std::max<std::int64_t>(1, std::int64_t{block.count} - block.by);
 }
@@ -74,8 +74,8 @@ Expected<Shift> Shift::by_stage(const ProblemView& problem, int stages) {
 
 void shift(std::span<const ShiftBlock> blocks, std::span<double> values) { move_entries(blocks, values); }
 
-// Where each entry comes from is never before it, so that runs of entries that come from equally far on can
-// be moved in place, the first ones first.
+// The source of an entry is never before it. Runs of entries with the same distance to their source can
+// therefore be moved in place, in ascending order.
 std::vector<ShiftBlock> joined(std::span<const ShiftBlock> first, std::span<const ShiftBlock> then,
                                std::size_t size) {
   std::vector<Index> from(size);

@@ -97,7 +97,8 @@ double bytes_of(const SensitivityRequest& request, const PartSizes& sizes) {
   const auto n = static_cast<double>(sizes.g);
   const double answer = n + static_cast<double>(sizes.b + sizes.d + 2 * sizes.l);
   const double all = numbers_of(sizes);
-  // At most four vectors for each of up to eight that are solved at once, and the answer in the user's units.
+  // At most four vectors for each of up to eight systems solved at once, and the solution in the user's
+  // units.
   const Index most = std::max(
       {request.directions.count, request.losses.count, request.rows ? request.rows->E.rows : Index{0}});
   double numbers = (4.0 * std::min(8.0, 2.0 * most) + 1.0) * answer;
@@ -107,7 +108,7 @@ double bytes_of(const SensitivityRequest& request, const PartSizes& sizes) {
     if (request.rows->columns) numbers += n * (1.0 + m);
   }
   numbers += answer * request.directions.count;
-  if (most > 2) numbers += 2.0 / tuning::nearly_full * all;  // nearly full matrices, with their gaps
+  if (most > 2) numbers += 2.0 / tuning::nearly_full * all;  // nearly full matrices, including their zeros
   numbers += all * request.losses.count;
   return numbers * sizeof(double);
 }

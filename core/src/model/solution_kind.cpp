@@ -31,7 +31,8 @@ std::string fixed(double value, int digits) {
   return text;
 }
 
-// Rounded up, for the sentence says "at most". A gap is relative to the objective only where that is above 1.
+// Rounds up, because the sentence says "at most". A gap is relative to the objective only if that is at least
+// 1.
 std::string distance(const SolutionFacts& s) {
   if (std::abs(s.objective) < 1.0) return fixed(std::ceil(1000.0 * s.gap) / 1000.0, 3);
   const double percent = 100.0 * s.gap;

@@ -1,5 +1,5 @@
-// Numbers in messages. std::to_chars takes a fifth of the time of printf, which a tick of a session would
-// feel.
+// Formats numbers for messages. std::to_chars takes a fifth of the time of printf, which matters in a control
+// step.
 #pragma once
 
 #include <array>
@@ -8,20 +8,20 @@
 
 namespace marble {
 
-/// So that it reads back to the same number.
+/// Returns a text that parses to the same number.
 [[nodiscard]] inline std::string text_of(double value) {
   std::array<char, 32> text;
   return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
 }
 
-/// As printf's "%.{digits}e".
+/// Formats like printf's "%.{digits}e".
 [[nodiscard]] inline std::string scientific(double value, int digits) {
   std::array<char, 32> text;
   const auto format = std::chars_format::scientific;
   return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value, format, digits).ptr};
 }
 
-/// As printf's "%.{digits}g".
+/// Formats like printf's "%.{digits}g".
 [[nodiscard]] inline std::string general(double value, int digits) {
   std::array<char, 32> text;
   const auto format = std::chars_format::general;

@@ -1,4 +1,4 @@
-// The tolerances of a solved point.
+// Checks a point against the tolerances of the options.
 #pragma once
 
 #include "marble/options.h"
@@ -6,7 +6,7 @@
 
 namespace marble {
 
-/// Whether all three violations are within `factor` times their tolerances.
+/// True if all three violations are within `factor` times their tolerances.
 [[nodiscard]] inline bool within_tolerances(const Violations& violations, const Options& options,
                                             double factor = 1.0) {
   return violations.equality <= factor * options.equality_tolerance &&

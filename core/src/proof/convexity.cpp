@@ -8,7 +8,7 @@ namespace marble {
 namespace {
 
 bool diagonally_dominant(const ScaledProblem& p) {
-  // In the user's units, where (z₁ − z₂)² still has a row that adds up to 0.
+  // Computed in the user's units, in which a row of (z₁ − z₂)² still adds up to 0.
   Vector off_diagonal = Vector::Zero(p.variables());
   Vector diagonal = Vector::Zero(p.variables());
   for (Index column = 0; column < p.Q.size; ++column) {
@@ -47,7 +47,7 @@ bool Convexity::decide(Run& run) {
   ++run.factorizations;
   const bool convex =
       run.timed(&Times::factorization_s, [this] { return convex_by_inertia(problem_, kkt_); });
-  if (!convex && run.interrupted()) return false;  // not known, then
+  if (!convex && run.interrupted()) return false;  // undecided
   state_ = convex ? State::convex : State::indefinite;
   return convex;
 }

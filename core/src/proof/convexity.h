@@ -1,4 +1,4 @@
-// Whether Q is convex: found at need, once for all solves with it.
+// Decides whether Q is convex: on demand, once for all solves with this Q.
 #pragma once
 
 #include "kkt/kkt.h"
@@ -10,12 +10,12 @@ class Convexity {
  public:
   Convexity(const ScaledProblem& problem, Kkt& kkt) : problem_(problem), kkt_(kkt) {}
 
-  /// Whether that is known without a factorization: of a Q that is diagonally dominant, zero included, or
-  /// after decide(). O(entries) the first time.
+  /// True if Q is known to be convex without a factorization: if it is diagonally dominant (zero included),
+  /// or after decide(). O(entries) in the first call.
   [[nodiscard]] bool known();
-  /// The same by one factorization where it is not known yet. False also where that is interrupted.
+  /// The same, with one factorization if it is not known yet. Also returns false if that is interrupted.
   [[nodiscard]] bool decide(Run& run);
-  /// Q has new values.
+  /// Discards the result because Q has new values.
   void forget() { state_ = State::unseen; }
 
  private:

@@ -35,7 +35,7 @@ Descent::End Descent::run(Run& run, const Iterate& x, const WorkingSet& set, Con
   images_.evaluate(problem_, x_);
   while (true) {
     if (curved) {
-      if (moved || !began_at_saddle_) orient();  // the first one has its sign from the cone
+      if (moved || !began_at_saddle_) orient();  // the sign of the first one is given by the cone
       const Block block = blocking(std::numeric_limits<double>::infinity());
       began_at_saddle_ = began_at_saddle_ || !moved;
       moved = true;
@@ -51,12 +51,12 @@ Descent::End Descent::run(Run& run, const Iterate& x, const WorkingSet& set, Con
     if (curved) {
       if (run.interrupted()) return End::stopped;
       if (find_negative_curvature(run, last)) continue;
-      // Flat: the penalty ρ alone takes |Q|²/ρ from the curvature, about as much as δ adds.
+      // Flat: the penalty ρ alone removes |Q|²/ρ from the curvature, about as much as δ adds.
       curved = !point_.factor(run, tuning::exact_rho, tuning::elastic_delta);
       if (curved) return End::stopped;
     }
     moved = true;
-    if (!point_.sharpen()) {  // the gradient has a part along which Q is flat
+    if (!point_.sharpen()) {  // the gradient has a component along which Q is flat
       direction_ = -images_.gradient;
       nothing_.setZero();
       if (!kkt_.solve(direction_, nothing_) || !point_.project(direction_)) return End::stopped;
@@ -82,7 +82,7 @@ void Descent::report(Run& run) {
                  {.rho = tuning::exact_rho, .step_length = 1.0});
 }
 
-// To the row that blocks, which is held from there on.
+// Moves to the blocking row, which is held from then on.
 void Descent::move(const Block& block) {
   x_.z() += block.length * direction_;
   images_.evaluate(problem_, x_);
@@ -91,7 +91,7 @@ void Descent::move(const Block& block) {
       block.length * max_abs(direction_) <= tuning::rounding * (1.0 + max_abs(x_.z())) ? short_steps_ + 1 : 0;
 }
 
-// Downhill; where that is level, to the side that goes on longer.
+// Orients the direction downhill, or, if it is level, to the side with the longer feasible step.
 void Descent::orient() {
   const double slope = images_.gradient.dot(direction_);
   if (slope > 0.0) direction_ = -direction_;
@@ -104,7 +104,7 @@ void Descent::orient() {
   if (back.flag != nullptr && back.length <= ahead.length) direction_ = -direction_;
 }
 
-// The first free row to reach zero along the direction, if that is before `longest`.
+// Returns the first free row that reaches zero along the direction within `longest`.
 Descent::Block Descent::blocking(double longest) {
   rates_.evaluate_rows(problem_, direction_);
   Block first{nullptr, longest};
@@ -122,7 +122,7 @@ Descent::Block Descent::blocking(double longest) {
   return first;
 }
 
-// Of the rows held and free to leave, the one whose multiplier has the wrong sign most.
+// Releases the held free row whose multiplier has the wrong sign by the largest amount.
 bool Descent::release_worst() {
   std::uint8_t* worst = nullptr;
   double most = tuning::exactness * (1.0 + max_abs(x_.all));
@@ -138,8 +138,8 @@ bool Descent::release_worst() {
   return true;
 }
 
-// Inverse iteration with Q + δI + ρJᵀJ, which δ just makes convex: for a curvature between −δ and −δ/10 it
-// gains a factor of 10/9 a step at least.
+// Inverse iteration with Q + δI + ρJᵀJ, which δ only just makes convex: for a curvature between −δ and −δ/10
+// each step gains a factor of at least 10/9.
 bool Descent::find_negative_curvature(Run& run, int last) {
   const auto convex_at = [&](double delta) { return point_.factor(run, tuning::exact_rho, delta); };
   double low = tuning::exact_delta;

@@ -26,7 +26,7 @@ void append_rows(const RowMatrix& from, RowMatrix& to) {
   for (Index row = 0; row < from.rows; ++row) append_row(from, row, to);
 }
 
-// Without cost, rows or pairs.
+// Returns a problem without cost, rows or pairs.
 ScaledProblem empty_problem(Index variables) {
   ScaledProblem p;
   p.Q.size = variables;
@@ -36,7 +36,7 @@ ScaledProblem empty_problem(Index variables) {
   return p;
 }
 
-// All rows of Q, as equalities.
+// Appends all rows of Q, as equalities.
 void append_rows(const SymmetricMatrix& Q, RowMatrix& to) {
   std::vector<std::vector<std::pair<Index, double>>> rows(static_cast<std::size_t>(Q.size));
   for (Index column = 0; column < Q.size; ++column) {
@@ -58,8 +58,8 @@ void append_rows(const SymmetricMatrix& Q, RowMatrix& to) {
   }
 }
 
-// The rows of one branch of p, with cost ½zᵀz: the nearest point to −g of its polyhedron, or, with the
-// offsets b and d at 0, of its recession cone.
+// The rows of one branch of p, with cost ½zᵀz. Gives the point of the branch's polyhedron that is nearest to
+// −g or, with the offsets b and d at 0, the point of its recession cone.
 class Branch {
  public:
   Branch(const Branch&) = delete;
@@ -93,7 +93,7 @@ class Branch {
     problem_.row_scale = Vector::Ones(d_.size());
   }
 
-  /// The nearest point of the cone to `target`; nothing if that fails.
+  /// Returns the point of the cone nearest to `target`, or nothing if that fails.
   std::optional<Vector> nearest_direction(Run& run, ConstVectorRef target) {
     problem_.b.setZero();
     problem_.offset.setZero();
@@ -106,7 +106,7 @@ class Branch {
     return nearest(run, target);
   }
 
-  /// Multipliers of the polyhedron's equalities and rows.
+  /// Returns multipliers of the polyhedron's equalities and rows that prove it empty.
   std::optional<FarkasProof> contradiction(Run& run) {
     problem_.b = b_;
     problem_.offset = d_;
@@ -128,7 +128,7 @@ class Branch {
   Vector b_, d_;  // of the polyhedron
 };
 
-// The one that z is nearest to.
+// Returns the branch that z is nearest to.
 WorkingSet branch_at(const ScaledProblem& p, ConstVectorRef z) {
   Vector value(p.layout.size());
   multiply(p.rows, z, value);
@@ -150,7 +150,8 @@ std::optional<Vector> feasible_point(const ScaledProblem& p, const Options& opti
   return point;
 }
 
-// Along the direction nearest to `target`, from the feasible point nearest to 0: far out, rounding hides one.
+// Searches along the direction nearest to `target`, from the feasible point nearest to 0: far away, rounding
+// would hide a ray.
 std::optional<UnboundedRay> find_ray(const ScaledProblem& p, const Options& options, const WorkingSet& set,
                                      bool flat, ConstVectorRef target, Run& run) {
   const double size = max_abs(target);
@@ -183,8 +184,9 @@ std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorR
   return prove_contradiction(p, relaxed, *kkt, engines.point);
 }
 
-// r = Aᵀy + Cᵀλ is what the proximal term pulls, not 0. The elastic system M = δI + ρ(AᵀA + CᵀC over violated
-// and fixed rows) is at hand: with M x = r, y − ρAx and λ − ρCx leave δx of it.
+// r = Aᵀy + Cᵀλ equals the force of the proximal term, not 0. The current factor is that of the elastic
+// system M = δI + ρ(AᵀA + CᵀC over violated and fixed rows): with M x = r, y − ρAx and λ − ρCx reduce r to
+// δx.
 std::optional<FarkasProof> prove_contradiction(const ScaledProblem& p, const ScaledProblem& relaxed, Kkt& kkt,
                                                const BranchPoint& point) {
   const Iterate& elastic = point.x;
@@ -201,7 +203,7 @@ std::optional<FarkasProof> prove_contradiction(const ScaledProblem& p, const Sca
     add_transposed(relaxed.A, y, residual);
     add_transposed(relaxed.rows, lambda, residual);
     equality.setZero();
-    if (!kkt.solve(residual, equality)) return std::nullopt;  // ρAx is its second half
+    if (!kkt.solve(residual, equality)) return std::nullopt;  // ρAx is the second half of the solution
     y -= equality;
     multiply(relaxed.rows, residual, moved);
     for (Index row = 0; row < relaxed.rows.rows; ++row) {

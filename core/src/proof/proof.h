@@ -1,5 +1,5 @@
-// The last resorts of a solve without an answer: proofs that there is none, and a feasible point if nothing
-// else; with workspace of their own.
+// Provides the last resorts of a solve without a solution: proofs that none exists, and otherwise a feasible
+// point. They use their own workspace.
 #pragma once
 
 #include <optional>
@@ -12,38 +12,39 @@
 
 namespace marble {
 
-/// Looks for a contradiction of the constraints without complementarity, from z (scaled): the elastic optimum
-/// of the relaxation has the least violation, and what is left of it are the multipliers.
+/// Searches for a contradiction of the constraints without complementarity, from z (scaled). The elastic
+/// optimum of this relaxation has the least violation, which gives the multipliers of the proof.
 [[nodiscard]] std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorRef z, Run& run);
 
-/// The same of a relaxation of p, its rows [C; L; R] first, some of them sides of pairs that are fixed at
-/// zero: what the elastic optimum of tuning::middle_rho at `point`, whose factor `kkt` holds, proves.
+/// The same for a relaxation of p that begins with the rows [C; L; R], in which some sides of pairs are fixed
+/// at zero. Uses the elastic optimum of tuning::middle_rho at `point`, whose factor `kkt` holds.
 [[nodiscard]] std::optional<FarkasProof> prove_contradiction(const ScaledProblem& p,
                                                              const ScaledProblem& relaxed, Kkt& kkt,
                                                              const BranchPoint& point);
 
-/// The nearest point to `target` in the branch that z is nearest to, if it is within the tolerances. Scaled.
+/// Returns the point nearest to `target` in the branch that z is nearest to, if it is within the tolerances.
+/// Scaled.
 [[nodiscard]] std::optional<Vector> feasible_point(const ScaledProblem& p, const Options& options,
                                                    ConstVectorRef z, ConstVectorRef target, Run& run);
 
-/// A feasible point and a direction along which the objective falls from it without bound.
+/// A feasible point and a direction along which the objective decreases from it without bound.
 struct UnboundedRay {
   Vector origin;                  ///< scaled
   std::vector<double> direction;  ///< user units, largest entry 1
 };
 
-/// Looks for one in the branch that z is nearest to: z (scaled) runs off, or `direction` is one along which
-/// it would.
+/// Searches for a ray in the branch that z is nearest to. Either z (scaled) diverges, or it would along
+/// `direction`.
 [[nodiscard]] std::optional<UnboundedRay> prove_unbounded(const ScaledProblem& p, const Options& options,
                                                           ConstVectorRef z, ConstVectorRef direction,
                                                           Run& run);
 
-/// Looks for one in this branch, along which Q is flat: whether that is why the branch has no solution.
+/// Searches for a ray in this branch along which Q is flat, as the reason why the branch has no solution.
 [[nodiscard]] std::optional<UnboundedRay> prove_branch_unbounded(const ScaledProblem& p,
                                                                  const Options& options,
                                                                  const WorkingSet& branch, Run& run);
 
-/// What contradicts the rows of this branch; nothing if no proof of that is found.
+/// Returns multipliers that contradict the rows of this branch, or nothing if no proof is found.
 [[nodiscard]] std::optional<LeafMultipliers> branch_contradiction(const ScaledProblem& p,
                                                                   const WorkingSet& branch, Run& run);
 

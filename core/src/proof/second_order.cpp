@@ -11,7 +11,7 @@
 namespace marble {
 namespace {
 
-// The positive factor between two rows, 0 if there is none.
+// Returns the positive factor between two rows, 0 if there is none.
 double ratio(const RowMatrix& a, Index row_a, const RowMatrix& b, Index row_b) {
   const Index size = a.row_size(row_a);
   if (size == 0 || size != b.row_size(row_b)) return 0.0;
@@ -28,7 +28,7 @@ double ratio(const RowMatrix& a, Index row_a, const RowMatrix& b, Index row_b) {
   return factor;
 }
 
-// Weakly active rows, those that are multiples of each other in one group: they move together.
+// Weakly active rows. Rows that are multiples of each other form one group, because they move together.
 struct ActiveRows {
   std::vector<std::vector<Index>> weak;
   WorkingSet all;
@@ -66,7 +66,7 @@ class ActiveRowFinder {
     return std::move(rows_);
   }
 
-  // Rows that are multiples of a row that stays at zero stay there too.
+  // Groups the rows. A multiple of a row that stays at zero stays at zero too and is left out.
   [[nodiscard]] std::vector<std::vector<Index>> group(const std::vector<std::vector<Index>>& weak) const {
     std::vector<std::vector<Index>> groups;
     for (const auto& single : weak) {
@@ -107,7 +107,7 @@ class ActiveRowFinder {
 };
 
 // Column k moves the weak rows of group k by one, keeps all other active rows, and has the least curvature of
-// those that do.
+// all directions that do so.
 std::optional<Eigen::MatrixXd> unit_moves(const ScaledProblem& p, Kkt& kkt, const ActiveRows& rows,
                                           Run& run) {
   ScaledProblem homogeneous = p;
@@ -128,7 +128,8 @@ std::optional<Eigen::MatrixXd> unit_moves(const ScaledProblem& p, Kkt& kkt, cons
   return moves;
 }
 
-// Lets the rows of a subset of the groups (by bits) grow. False if that would open both sides of a pair.
+// Lets the rows of a subset of the groups (given by bits) grow. Returns false if that would release both
+// sides of a pair.
 bool release(const ActiveRows& rows, unsigned subset, WorkingSet& set) {
   for (std::size_t k = 0; k < rows.weak.size(); ++k) {
     if ((subset >> k & 1U) == 0) continue;
@@ -170,8 +171,8 @@ CriticalCurvature critical_curvature(const ScaledProblem& p, Kkt& kkt, const Ite
     images.col(k) = image;
   }
   const Eigen::MatrixXd reduced = moves->transpose() * images;
-  // Kaplan, "A test for copositive matrices", 2000: copositive unless a principal submatrix has a positive
-  // eigenvector with a negative eigenvalue.
+  // Kaplan, "A test for copositive matrices", 2000: a matrix is copositive unless a principal submatrix has a
+  // positive eigenvector with a negative eigenvalue.
   std::vector<Eigen::Index> members;
   for (unsigned subset = 1; subset < 1U << rows.weak.size(); ++subset) {
     WorkingSet released = rows.all;

@@ -1,15 +1,15 @@
-// The memory of a level, by sizes alone.
+// Estimates the memory of a level (one sample-average stage) from sizes alone.
 #pragma once
 
 #include "scenarios/stages.h"
 
 namespace marble {
 
-/// Of one scenario's numbers, as they are kept.
+/// Returns the bytes of one scenario's stored numbers.
 [[nodiscard]] double bytes_of(const ScenarioNumbers& numbers);
 
-/// What a level of so many scenarios takes at least: their numbers, its LCQP, the start and the answer to it,
-/// the answer by scenario and once more as it is given, and a solver.
+/// Returns the least memory of a level with this many scenarios: their numbers, its LCQP, the start and the
+/// solution, the solution by scenario both as stored and as returned, and a solver.
 [[nodiscard]] double level_bytes(const Stages& stages, double scenarios, double scenario_bytes,
                                  const Options& options);
 

@@ -41,7 +41,7 @@ Solution world_part(const Stages& stages, const Solution& answer, std::size_t wo
                        static_cast<std::ptrdiff_t>(vector.split.first.size() + world * size);
     std::vector<double>& values = part.*vector.values;
     values.assign(first, first + static_cast<std::ptrdiff_t>(size));
-    if (vector.multipliers)  // a weight may underflow, and a quotient overflow
+    if (vector.multipliers)  // a weight may underflow, and the quotient then overflow
       for (double& value : values) value = std::isfinite(value / weight) ? value / weight : 0.0;
   });
   part.cold_objective = std::numeric_limits<double>::infinity();
@@ -91,7 +91,7 @@ std::size_t nearest(const Stages& stages, const ScenarioNumbers& world,
 std::vector<double> normalized_weights(std::span<const ScenarioNumbers> worlds) {
   double sum = 0.0;
   for (const ScenarioNumbers& world : worlds) sum += world.weight;
-  double unit = 1.0;  // unless the sum overflows
+  double unit = 1.0;  // 1 unless the sum overflows
   if (!std::isfinite(sum)) {
     for (const ScenarioNumbers& world : worlds) unit = std::max(unit, world.weight);
     sum = 0.0;

@@ -1,4 +1,4 @@
-// An answer for N worlds as the start for more of them.
+// Extends a solution for N scenarios to a start for more scenarios.
 #pragma once
 
 #include <span>
@@ -9,21 +9,22 @@
 
 namespace marble {
 
-/// The part of one world in an answer to an assembled problem, with multipliers of a world of weight one.
+/// Returns one scenario's part of a solution to an assembled problem, with the multipliers of a scenario of
+/// weight one.
 [[nodiscard]] Solution world_part(const Stages& stages, const Solution& answer, std::size_t world,
                                   double weight);
 
-/// The plan's part of an answer to an assembled problem, then worlds' parts: each with its multipliers times
-/// its weight. An answer so lifted solves the new problem where its worlds are the old ones, repeated.
+/// Joins the plan's part of a solution to an assembled problem and the parts of scenarios, each with its
+/// multipliers times its weight. If the new scenarios repeat the old ones, the result solves the new problem.
 [[nodiscard]] Solution lifted(const Stages& stages, const Solution& answer,
                               std::span<const Solution* const> parts, std::span<const double> weights);
 
-/// Of `known`, the world whose numbers are nearest: the first of those that are as near. Of those that it has
-/// looked at where the checkpoint ends it.
+/// Returns the scenario of `known` with the nearest numbers, the first one if several are equally near. If
+/// the checkpoint ends the search, only the scenarios compared until then count.
 [[nodiscard]] std::size_t nearest(const Stages& stages, const ScenarioNumbers& world,
                                   std::span<const ScenarioNumbers> known, Checkpoint& checkpoint);
 
-/// Each world's weight over their sum.
+/// Returns each scenario's weight divided by the sum of all weights.
 [[nodiscard]] std::vector<double> normalized_weights(std::span<const ScenarioNumbers> worlds);
 
 }  // namespace marble

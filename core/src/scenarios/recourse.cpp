@@ -17,12 +17,12 @@ ProblemUpdate numbers_of(const OwnedProblem& p) {
   return {p.c0, p.g, p.b, p.d, p.l, p.r, p.Q.values, p.A.values, p.C.values, p.L.values, p.R.values};
 }
 
-// One batch: one solver for all of its worlds, set up for the first of them.
+// One batch: one solver for all of its scenarios, set up for the first of them.
 class Batch {
  public:
   explicit Batch(const BatchControls& controls) : controls_(controls), options_(controls.options) {}
 
-  // `problem` makes the LCQP of a world's number.
+  // Solves the LCQP of a scenario, from `start` unless it is null.
   Recourse solve(const OwnedProblem& world, const Solution* start) {
     if (const auto ended = interrupted()) return {*ended, {}};
     if (!solver_) {
@@ -59,7 +59,7 @@ class Batch {
   std::optional<Solver> solver_;
 };
 
-// Calls `solve(batch, s)` for each of `count` worlds, in batches.
+// Calls `solve(batch, s)` for each of `count` scenarios, in batches.
 void in_batches(std::size_t count, const BatchControls& controls,
                 const std::function<void(Batch&, std::size_t)>& solve) {
   std::vector<std::function<void()>> tasks;
@@ -90,11 +90,11 @@ std::vector<Recourse> solve_recourse(const Stages& stages, std::span<const doubl
   return result;
 }
 
-// 1.96 standard deviations of a weighted mean; unbiased where the weights are equal.
+// Uses 1.96 standard deviations of a weighted mean; the variance is unbiased if the weights are equal.
 OutOfSample judged(std::span<const ScenarioNumbers> worlds, std::span<const Recourse> recourse) {
   OutOfSample result;
   result.scenarios = static_cast<std::int64_t>(worlds.size());
-  double unit = 0.0;  // the largest weight, where squares of weights overflow or vanish
+  double unit = 0.0;  // the largest weight if squares of weights overflow or underflow
   for (std::size_t s = 0; s < worlds.size(); ++s)
     if (recourse[s].found()) unit = std::max(unit, worlds[s].weight);
   if (std::isnormal(unit * unit * static_cast<double>(worlds.size()))) unit = 1.0;

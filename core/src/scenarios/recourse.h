@@ -1,5 +1,5 @@
-// Many small LCQPs that do not depend on each other: the recourse of worlds at a fixed plan, and worlds by
-// themselves. In batches of a fixed size, so that who solves them makes no difference.
+// Solves many small independent LCQPs: the recourse of scenarios for a fixed plan, or single scenarios.
+// Batches have a fixed size, so that results do not depend on the threads that solve them.
 #pragma once
 
 #include <cstdint>
@@ -11,35 +11,35 @@
 
 namespace marble {
 
-/// What a world does with a plan: the second stage's part of an answer, with multipliers of a world of weight
-/// one.
+/// A scenario's recourse to a plan: the second-stage part of a solution, with the multipliers of a scenario
+/// of weight one.
 struct Recourse {
   Status status = Status::numerical_failure;
-  Solution solution;  ///< in y, and of a world's own rows
+  Solution solution;  ///< in y, and of a scenario's own rows
 
   [[nodiscard]] bool found() const { return is_solved(status); }
 };
 
-/// How the batches are solved.
+/// Controls of the solves in batches.
 struct BatchControls {
-  Options options;  ///< its time limit is not looked at
+  Options options;  ///< its time limit is ignored
   std::chrono::steady_clock::time_point until;
   std::stop_token stop;
   TaskRunner* runner = nullptr;
-  std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max();  ///< of a solver of one world
+  std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max();  ///< of the solver of one scenario
 };
 
-/// The best recourse of each world at x, from `starts[s]` where there is one; starts may be empty. A world
-/// that was not reached in time has the status time_limit or cancelled.
+/// Returns the best recourse of each scenario at x, from `starts[s]` if that is given; starts may be empty. A
+/// scenario that was not reached in time has the status time_limit or cancelled.
 [[nodiscard]] std::vector<Recourse> solve_recourse(const Stages& stages, std::span<const double> x,
                                                    std::span<const ScenarioNumbers> worlds,
                                                    std::span<const Solution* const> starts,
                                                    const BatchControls& controls);
 
-/// What the recourses come to, of the same worlds: the mean of their costs and its interval.
+/// Returns the mean cost of the recourses of these scenarios and its confidence interval.
 [[nodiscard]] OutOfSample judged(std::span<const ScenarioNumbers> worlds, std::span<const Recourse> recourse);
 
-/// How each world's own LCQP ends, plan and all.
+/// Returns the status of each scenario's own LCQP, including its plan.
 [[nodiscard]] std::vector<Status> solve_alone(const Stages& stages, std::span<const ScenarioNumbers> worlds,
                                               const BatchControls& controls);
 

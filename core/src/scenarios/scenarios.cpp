@@ -51,7 +51,7 @@ Expected<void> validate_settings(const ScenarioSettings& settings) {
   return {};
 }
 
-// Rows of one level after the other, as of one solve.
+// Reports the progress of all levels as that of one solve.
 class LevelProgress final : public ProgressSink {
  public:
   explicit LevelProgress(ProgressSink* sink) : sink_(sink) {}
@@ -84,7 +84,7 @@ Error too_large(double scenarios, double bytes, std::int64_t most_bytes) {
       "a level, with what it needs at least, must fit into " + std::to_string(most_bytes) + " bytes");
 }
 
-// The levels, one after the other.
+// Solves the levels (sample-average stages) one after the other.
 class Levels {
  public:
   Levels(const ScenarioProblem& problem, const ScenarioSettings& settings, const SolveControls& controls,
@@ -141,7 +141,7 @@ class Levels {
  private:
   [[nodiscard]] double most_bytes() const { return static_cast<double>(setup_.most_bytes); }
 
-  // By the largest numbers so far, what is drawn already included.
+  // Estimates with the average size of the scenarios drawn so far; includes all that are drawn already.
   [[nodiscard]] double bytes_of_level(std::int64_t count) const {
     const auto drawn = static_cast<double>(worlds_.size());
     const double average = worlds_bytes_ / drawn;
@@ -149,7 +149,7 @@ class Levels {
     return level_bytes(stages_, static_cast<double>(count), average, settings_.options) + more * average;
   }
 
-  // What is held between levels.
+  // Memory that is held between levels.
   [[nodiscard]] double bytes_held() const {
     return worlds_bytes_ + 2.0 * static_cast<double>(parts_.size()) * stages_.part_bytes() +
            stages_.answer_bytes(static_cast<double>(answer_.scenarios));
@@ -164,7 +164,7 @@ class Levels {
     return interrupt_.stop_requested() ? ScenarioEnd::cancelled : ScenarioEnd::time_limit;
   }
 
-  // Worlds up to number `count`, where there are as many. Fewer where it is interrupted.
+  // Draws scenarios up to number `count`, or as many as exist. Draws fewer if interrupted.
   Expected<void> draw(std::int64_t count) {
     while (static_cast<std::int64_t>(worlds_.size()) < std::min(count, problem_.scenarios)) {
       if (!worlds_.empty() && interrupt_.requested()) return {};
@@ -186,8 +186,8 @@ class Levels {
                                       static_cast<std::size_t>(last - first));
   }
 
-  // From the last level, lifted. Searching for a feasible point far away comes last: where there is none, a
-  // world that has none by itself is found sooner.
+  // Starts from the last level's solution, lifted. The search for a distant feasible point comes last: if
+  // none exists, it is faster to find a scenario that has no plan alone.
   Expected<Solution> solve(ScenarioLevel& level) {
     const auto begun = Clock::now();
     const auto sample = worlds(0, level.scenarios);
@@ -231,7 +231,7 @@ class Levels {
     return solution;
   }
 
-  // Where a start kept no branch but was mended, a cold solve too, if more levels or starts are to come.
+  // If a start had to be repaired and kept no branch, also solves cold if more levels or starts follow.
   Expected<Solution> solve_from(Solver& solver, Options options, const Solution* start,
                                 ScenarioLevel& level) {
     if (auto set = solver.set_options(options); !set) return unexpected(set.error());
@@ -270,7 +270,7 @@ class Levels {
     total_.times += solution.times;
   }
 
-  // Worlds of the level that have no plan even by themselves. Those of a level that was solved have one.
+  // Finds the scenarios of the level that have no plan even alone. Those of solved levels have one.
   void find_infeasible(const ScenarioLevel& level) {
     if (level.scenarios == 1) {
       answer_.infeasible = {0};
@@ -284,7 +284,8 @@ class Levels {
       if (is_without_plan(alone[s])) answer_.infeasible.push_back(first + static_cast<std::int64_t>(s));
   }
 
-  // New worlds begin with their recourse, and without one with what the nearest old world does.
+  // Starts new scenarios from their recourse, or, if they have none, from the part of the nearest old
+  // scenario.
   Solution lift(std::int64_t count) const {
     Checkpoint checkpoint(interrupt_);
     std::vector<const Solution*> parts;
@@ -315,7 +316,7 @@ class Levels {
     answer_.violations = solution_.violations;
   }
 
-  // A recourse is looked for near the plan's, and nowhere else.
+  // Limits the search for a recourse to the neighbourhood of its start.
   [[nodiscard]] BatchControls recourse_controls(std::size_t fresh) const {
     BatchControls result{settings_.options, until_, controls_.stop, controls_.runner,
                          bytes_left(bytes_held() + static_cast<double>(fresh) * stages_.part_bytes())};
@@ -326,8 +327,9 @@ class Levels {
         std::min(result.options.max_iterations, tuning::scenario_recourse_iterations);
     return result;
   }
-  // Beside what is held, each with its numbers, its recourse and a place among the starts. The solver of one
-  // scenario needs the rest: where it does not fit, its batch says so.
+  // Returns how many out-of-sample scenarios fit beside the held memory, each with its numbers, its recourse
+  // and a place among the starts. The solver of one scenario needs the rest; if it does not fit, its batch
+  // reports it.
   [[nodiscard]] std::int64_t fresh_that_fit() const {
     const double each = worlds_bytes_ / static_cast<double>(worlds_.size()) + stages_.part_bytes() +
                         sizeof(Recourse) + sizeof(const Solution*);
@@ -419,14 +421,14 @@ class Levels {
   Interrupt interrupt_;
   std::int64_t most_;
   LevelProgress progress_;
-  Solution total_;  // iterations, factorizations and times alone
+  Solution total_;  // only iterations, factorizations and times
   std::vector<ScenarioNumbers> worlds_;
   double worlds_bytes_ = 0.0;
   std::vector<double> weights_;   // of the level
-  Solution solution_;             // of the newest level that was solved
-  std::vector<Solution> parts_;   // of it, by world
-  std::vector<Recourse> fresh_;   // of the worlds after it
-  std::int64_t batch_bytes_ = 0;  // that a solver of one scenario may take beside the level's
+  Solution solution_;             // of the newest solved level
+  std::vector<Solution> parts_;   // of solution_, by scenario
+  std::vector<Recourse> fresh_;   // of the scenarios after that level
+  std::int64_t batch_bytes_ = 0;  // memory for a solver of one scenario beside the level's solver
   ScenarioAnswer answer_;
 };
 

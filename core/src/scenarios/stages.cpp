@@ -17,7 +17,7 @@ std::span<const double> given_or(const Values& given, std::span<const double> ba
 
 double at(std::span<const double> values, Index i) { return values[static_cast<std::size_t>(i)]; }
 
-// Marks the entries that a list names. It must ascend strictly, within [0, size).
+// Marks the entries of a list, which must ascend strictly within [0, size).
 Expected<std::vector<char>> marks(std::span<const Index> list, Index size, const char* field) {
   std::vector<char> marked(static_cast<std::size_t>(size), 0);
   for (std::size_t i = 0; i < list.size(); ++i) {
@@ -43,7 +43,7 @@ Split split(std::vector<char> second) {
   return result;
 }
 
-// Rows with an entry in a column of the second stage are of the second stage.
+// Marks rows with an entry in a second-stage column as second-stage rows.
 void mark_rows(const SparseMatrixView& matrix, const std::vector<char>& second_columns,
                std::vector<char>& second_rows) {
   for (std::size_t j = 0; j + 1 < matrix.column_pointers.size(); ++j) {
@@ -53,7 +53,7 @@ void mark_rows(const SparseMatrixView& matrix, const std::vector<char>& second_c
   }
 }
 
-// Entries by columns, in compressed form, each column's rows ascending.
+// Collects entries by columns, in compressed form, with ascending rows in each column.
 class BlockBuilder {
  public:
   explicit BlockBuilder(std::size_t columns) : columns_(columns) {}
@@ -98,7 +98,7 @@ MatrixStages stages_of(const SparseMatrixView& matrix, const Split& rows, const 
   return {first.block(), linking.block(), recourse.block()};
 }
 
-// Only entries with row ≤ column count.
+// Uses only entries with row ≤ column.
 MatrixStages hessian_stages(const SparseMatrixView& matrix, const Split& variables) {
   BlockBuilder first(variables.first.size()), linking(variables.second.size()),
       recourse(variables.second.size());
@@ -151,7 +151,7 @@ SparseMatrix begin_matrix(std::size_t rows, std::size_t columns, std::size_t ent
 
 std::size_t entries(const Block& block) { return block.rows.size(); }
 
-// A x of a block whose columns are x's, added up by rows.
+// Adds A x to `result`, for a block whose columns are those of x.
 void add_product(const Block& block, std::span<const double> values, std::span<const double> x,
                  std::span<double> result) {
   for (std::size_t j = 0; j + 1 < block.pointers.size(); ++j)
@@ -178,7 +178,7 @@ Expected<void> check_same(std::span<const double> given, std::span<const double>
 
 }  // namespace
 
-// What A, C, L and R are to what follows.
+// Common description of the parts A, C, L and R.
 struct Stages::Part {
   ProblemPart matrix_part, offset_part;
   const char* matrix_name;

@@ -1,5 +1,5 @@
-// A base problem's parts by stage, and what is put together of them: the LCQP of N worlds, and the recourse
-// of one at a fixed plan.
+// Splits a base problem by stage and assembles LCQPs from the parts: that of N scenarios, and the recourse of
+// one scenario for a fixed plan.
 #pragma once
 
 #include <array>
@@ -15,10 +15,10 @@
 
 namespace marble {
 
-/// Entries of a vector or rows of a kind by stage, each in their order.
+/// Entries of a vector, or rows of a kind, by stage, each in their original order.
 struct Split {
-  std::vector<Index> first, second;  ///< of the plan; of every world
-  std::vector<Index> place;          ///< of each entry: its number within its stage
+  std::vector<Index> first, second;  ///< of the plan; of every scenario
+  std::vector<Index> place;          ///< number of each entry within its stage
   std::vector<char> is_second;
 
   [[nodiscard]] std::size_t assembled(std::size_t worlds) const {
@@ -26,13 +26,13 @@ struct Split {
   }
 };
 
-/// Entries of a matrix by stage, in compressed columns: where each is among the base's values.
+/// Entries of a matrix by stage, in compressed columns, with their positions among the base's values.
 struct Block {
   std::vector<Index> pointers, rows, positions;
 };
 
-/// Of a matrix: rows of the plan, and rows of a world by the plan's variables and by its own. Of Q: the upper
-/// triangles of both, and between them x × y.
+/// Parts of a matrix: rows of the plan, and rows of a scenario by the plan's variables and by its own. For Q:
+/// the upper triangles of both stages, and the block x × y between them.
 struct MatrixStages {
   Block first, linking, recourse;
 };
@@ -42,31 +42,32 @@ class Stages {
   /// Borrows the arrays of `problem.base`.
   [[nodiscard]] static Expected<Stages> create(const ScenarioProblem& problem);
 
-  /// Whether numbers fit the base and leave the plan's own rows alone.
+  /// Checks that numbers fit the base and do not change the plan's own rows.
   [[nodiscard]] Expected<void> check(const ScenarioNumbers& numbers) const;
 
-  /// Of entries of a part, the first that no world may change: its number among them.
+  /// Returns the index in `entries` of the first entry that no scenario may change, if there is one.
   [[nodiscard]] std::optional<std::size_t> fixed_among(const ScenarioEntries& entries) const;
 
-  /// The LCQP of these worlds with weights that sum to one. Fails where 32 bits do not count its entries, and
-  /// with cancelled or deadline_exceeded where it is interrupted.
+  /// Assembles the LCQP of these scenarios with weights that sum to one. Fails if 32 bits cannot count its
+  /// entries, and with cancelled or deadline_exceeded if interrupted.
   [[nodiscard]] Expected<OwnedProblem> assemble(std::span<const ScenarioNumbers> worlds,
                                                 std::span<const double> weights,
                                                 const Interrupt& interrupt = {}) const;
 
-  /// Of the LCQP of so many scenarios, before it is there.
+  /// Returns the sizes of the LCQP of this many scenarios, before it is assembled.
   [[nodiscard]] SolverSizes assembled_sizes(double scenarios) const;
-  /// Bytes of that LCQP's arrays, with what assembling it takes besides.
+  /// Returns the bytes of that LCQP's arrays, including what the assembly needs.
   [[nodiscard]] double assembled_bytes(double scenarios) const;
-  /// Bytes of an answer's vectors to it: z and the multipliers.
+  /// Returns the bytes of the vectors of its solution: z and the multipliers.
   [[nodiscard]] double answer_bytes(double scenarios) const;
-  /// Bytes of one scenario's part of an answer, as it is kept: a Solution of its own.
+  /// Returns the bytes of one scenario's part of a solution, stored as a separate Solution.
   [[nodiscard]] double part_bytes() const;
 
-  /// The LCQP in y of one world for a plan; that of others has the same pattern and other numbers.
+  /// Returns the LCQP in y of one scenario for a plan. All scenarios give the same pattern with other
+  /// numbers.
   [[nodiscard]] OwnedProblem recourse(const ScenarioNumbers& world, std::span<const double> x) const;
 
-  /// The LCQP of one world by itself, as the base has it.
+  /// Returns the LCQP of one scenario alone, in the form of the base.
   [[nodiscard]] OwnedProblem alone(const ScenarioNumbers& world) const;
 
   [[nodiscard]] const Problem& base() const { return base_; }

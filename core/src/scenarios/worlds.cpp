@@ -29,7 +29,7 @@ std::size_t size_of(const ProblemView& base, const ScenarioEntries& entries) {
   return entries.positions.empty() ? base_of(base, entries.part).size() : entries.positions.size();
 }
 
-// Calls `visit(k, number)` with a reference to each entry's number in a world.
+// Calls `visit(k, number)` with a reference to each entry's number in a scenario.
 template <class Visit>
 void each_number(const ProblemView& base, const ScenarioEntries& entries, ScenarioNumbers& world,
                  const Visit& visit) {
@@ -109,7 +109,7 @@ Expected<void> check_quantity(const ProblemView& base, const ScenarioQuantity& q
   return {};
 }
 
-// The patterns' check, which needs a sample to be there.
+// Checks the entries with the check of the patterns, which requires a sample function.
 Expected<void> check_entries(ScenarioProblem& problem,
                              std::span<const std::pair<ScenarioEntries, std::string>> named) {
   problem.scenarios = 1;

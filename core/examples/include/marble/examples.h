@@ -1,6 +1,6 @@
-// The three robotics problems of the paper (section VI.B), generated: contact, state-triggered and progress
-// constraints. Formulas cite the paper's equations; sizes with default parameters are those of its Table I.
-// And random QPECs, which have no structure to help.
+// Generates the three robotics problems of the paper (section VI.B): contact, state-triggered and progress
+// constraints. Formulas cite the paper's equations; with default parameters, the sizes are those of its
+// Table I. Also generates random QPECs, which have no structure to exploit.
 #pragma once
 
 #include <array>
@@ -13,8 +13,8 @@
 
 namespace marble::examples {
 
-/// A planar hopper, a body and a foot joined by a leg force, that follows a moving point over two steps up
-/// and two down.
+/// A planar hopper, a body and a foot joined by a leg force, that tracks a moving point over two steps up and
+/// two steps down.
 struct HopperParameters {
   int steps = 60;                                                 ///< horizon, >= 1
   double step_s = 0.05;                                           ///< seconds
@@ -22,23 +22,23 @@ struct HopperParameters {
   double body_mass = 1.0;                                         ///< kg
   double foot_mass = 0.3;                                         ///< kg
   double friction = 0.8;                                          ///< μ of (16)
-  std::array<double, 4> stair_x = {0.75, 1.15, 1.85, 2.25};       ///< m, where the ground's height jumps
-  std::array<double, 4> stair_rise = {0.15, 0.15, -0.15, -0.15};  ///< m, by how much
+  std::array<double, 4> stair_x = {0.75, 1.15, 1.85, 2.25};       ///< m, x of the jumps in the ground
+  std::array<double, 4> stair_rise = {0.15, 0.15, -0.15, -0.15};  ///< m, heights of these jumps
   double leg_reach_x = 0.30;                                      ///< m, largest |x_body − x_foot|
   double leg_shortest = 0.35;                                     ///< m
   double leg_longest = 0.85;                                      ///< m
   std::array<double, 4> position = {0.0, 0.6, 0.0,
                                     0.0};  ///< x, z of body, x, z of foot before the first step
-  std::array<double, 4> velocity = {0.0, 0.0, 0.0, 0.0};  ///< the same of the velocities
+  std::array<double, 4> velocity = {0.0, 0.0, 0.0, 0.0};  ///< velocities in the same order
   std::array<double, 2> last_force = {0.0, 9.81};         ///< leg force before the first step, N
-  double reference_x = 0.0;         ///< m, where the tracked point is before the first step
+  double reference_x = 0.0;         ///< m, position of the tracked point before the first step
   double speed = 1.0;               ///< m/s of the tracked point
-  double tracking_weight = 20.0;    ///< of the square of the body's distance to the point, 1/m²
-  double force_weight = 0.005;      ///< of the leg force's square, 1/N²
-  double force_rate_weight = 0.01;  ///< of the square of its change from step to step, 1/N²
+  double tracking_weight = 20.0;    ///< of the squared distance of the body from the point, 1/m²
+  double force_weight = 0.005;      ///< of the squared leg force, 1/N²
+  double force_rate_weight = 0.01;  ///< of its squared change from step to step, 1/N²
 };
 
-/// Variables of one step of the hopper, in the order they have in z.
+/// Variables of one step of the hopper, in their order in z.
 enum HopperVariable {
   kBodyX,
   kBodyZ,
@@ -60,24 +60,25 @@ enum HopperVariable {
   kHopperVariables = kSignMinus + 4
 };
 
-/// Where a variable of step k, from 0, is in z: the body's height after the first step is
+/// Returns the index in z of a variable of step k ≥ 0: the body's height after the first step is
 /// z[hopper_index(0, kBodyZ)], the second sign of step 7 is z[hopper_index(7, kSign + 1)].
 [[nodiscard]] constexpr Index hopper_index(int step, int variable) {
   return static_cast<Index>(kHopperVariables * step + variable);
 }
 
-/// The problem of these parameters: kHopperVariables variables and 9 pairs a step.
+/// Returns the problem of these parameters: kHopperVariables variables and 9 pairs per step.
 [[nodiscard]] OwnedProblem hopper(const HopperParameters& parameters = {});
 
-/// One tick of a receding horizon: the parameters once the first `ticks` steps of the trajectory z have been
-/// followed, 1 <= ticks <= parameters.steps. State, last force and reference move on; all else stays.
+/// Advances a receding horizon: returns the parameters after the first `ticks` steps of the trajectory z,
+/// 1 <= ticks <= parameters.steps. State, last force and reference change; all other parameters stay.
 [[nodiscard]] HopperParameters advance(HopperParameters parameters, std::span<const double> z, int ticks = 1);
 
-/// A plan for the tick after: its steps and multipliers one forward, the last one repeated. To start from,
-/// warm.
+/// Returns a warm start for the next control step: the plan's steps and multipliers shifted by one, the last
+/// one repeated.
 [[nodiscard]] Solution shift_hopper(Solution plan);
 
-/// A rocket, linearised about upright, that once it is low must be in front of its tower, engine turned away.
+/// A rocket, linearized about upright, that must be in front of its tower with the engine turned away once it
+/// is low.
 struct RocketParameters {
   int steps = 40;                  ///< horizon, >= 2
   double step_s = 0.25;            ///< seconds
@@ -94,7 +95,7 @@ struct RocketParameters {
   double fastest_descent = 6.0;                                             ///< m/s
   double least_thrust = 0.4;                                                ///< of the weight
   double most_thrust = 1.6;                                                 ///< of the weight
-  double thrust_weight = 4.0;          ///< of the square in the cost; so are all that follow
+  double thrust_weight = 4.0;          ///< of the square in the cost, like all following weights
   double gimbal_rate_weight = 400.0;   ///< of the gimbal's rate
   double angle_weight = 400.0;         ///< of θ
   double rate_weight = 400.0;          ///< of ω
@@ -105,17 +106,17 @@ struct RocketParameters {
   double final_rate_weight = 2000.0;   ///< of ω at the end
 };
 
-/// The problem of these parameters.
+/// Returns the problem of these parameters.
 [[nodiscard]] OwnedProblem rocket(const RocketParameters& parameters = {});
 
-/// A window the quadrotor must fly through.
+/// A window that the quadrotor must fly through.
 struct Gate {
   std::array<double, 3> center;       ///< m
   double yaw;                         ///< rad, of its normal
   std::array<double, 3> half_extent;  ///< m, along its own axes
 };
 
-/// A quadrotor, linearised about hover, that flies through gates in their order.
+/// A quadrotor, linearized about hover, that flies through gates in their order.
 struct GatesParameters {
   int steps = 30;         ///< horizon, >= 2
   double step_s = 0.12;   ///< seconds
@@ -133,33 +134,34 @@ struct GatesParameters {
   double most_thrust = 8.0;                                                ///< m/s², deviation from hover
   double largest_rate = 4.0;                                               ///< rad/s, of roll and pitch
   double largest_yaw_rate = 2.0;                                           ///< rad/s
-  double velocity_weight = 1.0;  ///< of the square in the cost; so are all that follow
+  double velocity_weight = 1.0;  ///< of the square in the cost, like all following weights
   double angle_weight = 10.0;    ///< of roll, pitch and yaw
   double thrust_weight = 2.0;    ///< of the thrust's deviation
   double rate_weight = 4.0;      ///< of the body rates
 };
 
-/// The problem of these parameters.
+/// Returns the problem of these parameters.
 [[nodiscard]] OwnedProblem gates(const GatesParameters& parameters = {});
 
-/// A random convex QP with equilibrium constraints, in the manner of Jiang and Ralph, "QPECgen" (1999):
-/// min ½ (x, y)ᵀQ(x, y) + gᵀ(x, y)  s.t.  C x + d ≥ 0,  0 ≤ y ⊥ N x + M y + r ≥ 0, with M positive definite
-/// and not symmetric, everything dense, and a feasible point with the given number of degenerate pairs.
+/// A random convex QP with equilibrium constraints, after Jiang and Ralph, "QPECgen" (1999):
+/// min ½ (x, y)ᵀQ(x, y) + gᵀ(x, y)  s.t.  C x + d ≥ 0,  0 ≤ y ⊥ N x + M y + r ≥ 0. M is positive definite
+/// and not symmetric, everything is dense, and a feasible point has the given number of degenerate pairs.
 struct QpecParameters {
   Index upper_variables = 20;  ///< x, >= 1
-  Index lower_variables = 80;  ///< y, >= 1: as many pairs
+  Index lower_variables = 80;  ///< y, >= 1; also the number of pairs
   Index constraints = 4;       ///< on x alone
   Index degenerate_pairs = 4;  ///< <= lower_variables
 };
 
-/// The problem of these sizes, the same for a seed on every machine.
+/// Returns the problem of these sizes. A seed gives the same problem on every machine.
 [[nodiscard]] OwnedProblem qpec(const QpecParameters& parameters, std::uint64_t seed);
 
-/// Parameters moved by a few percent, the same for a seed on every machine; seed 0 is the nominal problem.
+/// Varies the parameters by a few percent. A seed gives the same result on every machine; seed 0 is the
+/// nominal problem.
 [[nodiscard]] HopperParameters vary(HopperParameters parameters, std::uint64_t seed);
-/// The same of a rocket.
+/// The same for a rocket.
 [[nodiscard]] RocketParameters vary(RocketParameters parameters, std::uint64_t seed);
-/// The same of a quadrotor.
+/// The same for a quadrotor.
 [[nodiscard]] GatesParameters vary(GatesParameters parameters, std::uint64_t seed);
 
 }  // namespace marble::examples

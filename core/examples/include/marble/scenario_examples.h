@@ -1,4 +1,4 @@
-// Plans for worlds that differ by one number: the rocket by the altitude of its trigger, the hopper by the
+// Plans for scenarios that differ by one number: the rocket by its trigger's altitude, the hopper by the
 // ground's friction.
 #pragma once
 
@@ -10,22 +10,22 @@
 
 namespace marble::examples {
 
-/// A base problem, its plan's variables, and the world of a number.
+/// A base problem, its plan's variables, and the scenario for a number.
 struct OneNumberWorlds {
-  OwnedProblem base;                                      ///< of the nominal number
+  OwnedProblem base;                                      ///< for the nominal number
   std::vector<Index> first_stage;                         ///< the plan
-  std::function<ScenarioNumbers(double number)> numbers;  ///< of that world
+  std::function<ScenarioNumbers(double number)> numbers;  ///< of the scenario for that number
 
-  /// Worlds of these numbers, in their order. This object must outlive it.
+  /// Returns the scenarios of these numbers, in their order. This object must outlive the result.
   [[nodiscard]] ScenarioProblem worlds(std::vector<double> of_numbers) const;
 };
 
-/// The published rocket: states and inputs are the plan, 358 variables; the number is the trigger's
-/// altitude in m, nominally 3.9. Above about 5 there is no plan.
+/// The published rocket. States and inputs are the plan, 358 variables. The number is the trigger's altitude
+/// in m, nominally 3.9. Above about 5 there is no plan.
 [[nodiscard]] OneNumberWorlds rocket_by_altitude();
 
-/// The hopper: the body's way and the leg's forces are the plan, the foot and the contact are each world's
-/// own; the number is the friction μ.
+/// The hopper. The body's trajectory and the leg's forces are the plan; the foot and the contact belong to
+/// each scenario. The number is the friction μ.
 [[nodiscard]] OneNumberWorlds hopper_by_friction(const HopperParameters& parameters = {});
 
 }  // namespace marble::examples

@@ -37,7 +37,7 @@ AladinBeta::AladinBeta(const ScaledProblem& problem, Kkt& kkt, const Options& op
       best_z_(problem.variables()),
       merits_(static_cast<std::size_t>(tuning::aladin_merit_window)) {}
 
-// Equal sides stay equal in exact arithmetic: the first multipliers tell them apart.
+// Equal sides would stay equal in exact arithmetic; the first multipliers break the tie.
 void AladinBeta::start(ConstVectorRef initial_z) {
   const Index rows = problem_.layout.size(), pairs = problem_.pairs();
   mu_ = tuning::barrier_first;
@@ -61,7 +61,7 @@ void AladinBeta::start(ConstVectorRef initial_z) {
   std::ranges::fill(merits_, std::numeric_limits<double>::infinity());  // μ is not small yet
 }
 
-// (12) by Newton's method, from α⁻ with its κ. γ⁻ is (q, m)⁻, so Σ and P pull to one point.
+// Solves (12) by Newton's method, from α⁻ with its κ. γ⁻ is (q, m)⁻, so Σ and P have the same centre.
 bool AladinBeta::solve_local(Run& run) {
   const Index rows = problem_.layout.size(), pairs = problem_.pairs();
   const double sigma = tuning::aladin_sigma, pull = tuning::aladin_prox + sigma;
@@ -74,7 +74,7 @@ bool AladinBeta::solve_local(Run& run) {
     qp_.curvature.head(rows).setConstant(sigma);
     qp_.curvature.tail(2 * pairs).setConstant(pull);
     qp_.slope = lambda_ + qp_.curvature.cwiseProduct(local_alpha_ - alpha_);
-    qp_.coupling = kappa_.cwiseMin(sigma).cwiseMax(-sigma);  // beside Σ it is convex
+    qp_.coupling = kappa_.cwiseMin(sigma).cwiseMax(-sigma);  // Σ keeps it convex
     qp_.product = local_images_.rows.s().cwiseProduct(local_images_.rows.t()) -
                   local_alpha_.segment(rows, pairs) + local_alpha_.tail(pairs);
     if (!qp_.solve(run, local_images_)) return false;
@@ -89,10 +89,10 @@ bool AladinBeta::solve_local(Run& run) {
   return true;
 }
 
-// (13) and (14), then (15) to (17) and the new λ.
+// Evaluates (13) and (14), then (15) to (17) and the new λ.
 bool AladinBeta::coordinate(Run& run) {
   const Index rows = problem_.layout.size(), pairs = problem_.pairs();
-  const double r = std::min(tuning::aladin_r, mu_);  // if it stayed, what is active would end at −r
+  const double r = std::min(tuning::aladin_r, mu_);  // with a fixed r, active values would end at −r
   for (Index i = 0; i < alpha_.size(); ++i) {
     const Copy copy(alpha_[i], lambda_[i], i < rows ? 0.0 : rho_, mu_, r);
     copy_[i] = copy.value, slope_[i] = copy.slope, curvature_[i] = copy.curvature;
@@ -119,13 +119,13 @@ bool AladinBeta::coordinate(Run& run) {
   x_.lambda() = lambda_.head(rows);
   x_.lambda_L() += kappa_.cwiseProduct(images_.rows.t());
   x_.lambda_R() += kappa_.cwiseProduct(images_.rows.s());
-  Vector& stationarity = images_.stationarity;  // its own, without the rows: what an iteration begins with
+  Vector& stationarity = images_.stationarity;  // its own part, without the rows, as an iteration expects it
   add_transposed(problem_.rows, x_.lambda(), stationarity);
   stationarity_ = max_abs(stationarity);
   return true;
 }
 
-// f and all violations, at the largest penalty.
+// f plus all violations times the largest penalty.
 double AladinBeta::merit() const {
   double violation = images_.equality.cwiseAbs().sum() - images_.rows.all.cwiseMin(0.0).sum();
   for (Index i = 0; i < problem_.pairs(); ++i)
@@ -138,7 +138,7 @@ bool AladinBeta::converged() const {
          std::max({mu_, coupling_gap_, stationarity_}) <= options_.stationarity_tolerance;
 }
 
-// Nothing, or why it is of no use.
+// Returns null, or the reason why the iteration failed.
 const char* AladinBeta::iterate_once(Run& run) {
   if (!solve_local(run) || !coordinate(run)) return "a system of it had no solution";
   const double merit_now = merit();

@@ -46,7 +46,7 @@ L1Barrier::L1Barrier(const ScaledProblem& problem, Kkt& kkt, const Options& opti
       w_(problem.pairs()),
       gradient_(problem.variables()) {}
 
-// Equal sides stay equal in exact arithmetic: the first multipliers tell them apart.
+// Equal sides would stay equal in exact arithmetic; the first multipliers break the tie.
 void L1Barrier::start(ConstVectorRef initial_z) {
   mu_ = tuning::barrier_first;
   rho_ = tuning::barrier_rho_first;
@@ -67,7 +67,7 @@ void L1Barrier::start(ConstVectorRef initial_z) {
   evaluate();
 }
 
-// All of the residual, with λ = −force for the multipliers of the rows.
+// Computes the whole residual, with λ = −force as multipliers of the rows.
 void L1Barrier::evaluate() {
   force_.all = nu_.all;
   for (Index i = 0; i < problem_.pairs(); ++i) {
@@ -89,8 +89,8 @@ void L1Barrier::evaluate() {
   }
 }
 
-// The weights of the rows, and what the rows that are not solved for leave of a right-hand side. Of those,
-// dp = (p/π_p)(μ/p − ρ + κ + dκ) and dn alike: so dκ = W(t ds + s dt) + pull.
+// Computes the weights of the rows, and the part of the eliminated rows in the right-hand side. For these,
+// dp = (p/π_p)(μ/p − ρ + κ + dκ), and dn likewise, so dκ = W(t ds + s dt) + pull.
 void L1Barrier::weigh() {
   weights_.rho = tuning::interior_rho;
   weights_.delta = std::max(tuning::exact_delta, delta_);
@@ -138,7 +138,7 @@ bool L1Barrier::direction() {
   return true;
 }
 
-// To the boundary at most, primal and dual apart.
+// Steps at most to the boundary, with separate primal and dual lengths.
 void L1Barrier::move() {
   const double part = tuning::interior_fraction;
   double primal = 1.0, dual = 1.0;
@@ -190,7 +190,7 @@ ReferenceMethod::State L1Barrier::step(Run& run) {
   const bool feasible = within_tolerances(violations(problem_, images_), options_);
   if (feasible && std::max(mu_, residual_) <= options_.stationarity_tolerance) return State::ended;
   const bool last = mu_ <= tuning::barrier_least && rho_ >= rho_most_;
-  // The scale of large multipliers: WB (5) and (6).
+  // Scaling for large multipliers: WB (5) and (6).
   const double mean = nu_.all.size() == 0 ? 0.0
                                           : (nu_.all.sum() + kappa_.cwiseAbs().sum()) /
                                                 static_cast<double>(nu_.all.size() + kappa_.size());

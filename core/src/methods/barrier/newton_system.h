@@ -1,4 +1,4 @@
-// What the barrier methods' Newton systems have in common: the 2 × 2 weight of a pair's rows, and δ.
+// Common parts of the barrier methods' Newton systems: the 2 × 2 weight of a pair's rows, and δ.
 #pragma once
 
 #include <cmath>
@@ -9,8 +9,8 @@
 
 namespace marble {
 
-/// diag(a, b) + ξ [0 1; 1 0] + W (t, s)ᵀ(t, s): curvature of each side, a multiplier ξ of the product s·t,
-/// and a weight W of its linearization t ds + s dt.
+/// diag(a, b) + ξ [0 1; 1 0] + W (t, s)ᵀ(t, s): the curvature of each side, a multiplier ξ of the product
+/// s·t, and a weight W of its linearization t ds + s dt.
 struct PairBlock {
   PairBlock(double s, double t, double a, double b, double xi, double weight)
       : first(a + weight * t * t),
@@ -18,7 +18,7 @@ struct PairBlock {
         coupling(xi + weight * s * t),
         determinant(a * b + weight * (a * s * s + b * t * t - 2.0 * xi * s * t) - xi * xi) {}
 
-  /// Turned to its eigenvectors (cos, sin) and (sin, −cos).
+  /// Writes the block, rotated to its eigenvectors (cos, sin) and (sin, −cos).
   void put(Index pair, RowWeights& weights) const {
     const double angle = 0.5 * std::atan2(2.0 * coupling, first - second);
     const double cosine = weights.cosine[pair] = std::cos(angle), sine = weights.sine[pair] = std::sin(angle);
@@ -28,11 +28,11 @@ struct PairBlock {
   }
 
   double first, second, coupling;
-  double determinant;  ///< first·second − coupling², without what cancels in it
+  double determinant;  ///< first·second − coupling², computed without cancellation
 };
 
-/// Factorizes with δ as small as the inertia allows, near the last one; weigh() takes the weights from it.
-/// False if interrupted, or if no δ will do.
+/// Factorizes with a δ as small as the inertia allows, close to the last one; weigh() computes the weights
+/// from δ. Returns false if interrupted, or if no δ works.
 [[nodiscard]] bool factor_regularized(Run& run, Kkt& kkt, const RowWeights& weights, double first_delta,
                                       double& delta, auto&& weigh) {
   delta = delta > first_delta ? delta / tuning::delta_lower : 0.0;

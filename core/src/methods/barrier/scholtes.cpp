@@ -46,7 +46,7 @@ void ScholtesRelaxation::start(ConstVectorRef initial_z) {
   evaluate();
 }
 
-// All of the residual, with λ = −force for the multipliers of the rows.
+// Computes the whole residual, with λ = −force as multipliers of the rows.
 void ScholtesRelaxation::evaluate() {
   force_.all = nu_.all;
   force_.s() -= xi_.cwiseProduct(slack_.t());
@@ -64,8 +64,8 @@ void ScholtesRelaxation::evaluate() {
     residual_ = std::max(residual_, std::abs(u_[i] * xi_[i] - kappa_));
 }
 
-// The weights W of the rows, and W(Jz + c − w) − (what the complementarity rows leave) for the right-hand
-// side.
+// Computes the weights W of the rows and, for the right-hand side, W(Jz + c − w) minus the part of the
+// eliminated complementarity rows.
 void ScholtesRelaxation::weigh() {
   weights_.rho = tuning::interior_rho;
   weights_.delta = std::max(tuning::exact_delta, delta_);
@@ -100,7 +100,7 @@ bool ScholtesRelaxation::direction() {
   return true;
 }
 
-// To the boundary at most, primal and dual apart.
+// Steps at most to the boundary, with separate primal and dual lengths.
 void ScholtesRelaxation::move() {
   const double part = tuning::interior_fraction;
   double primal = 1.0, dual = 1.0;
@@ -118,7 +118,7 @@ void ScholtesRelaxation::move() {
   x_.y() += dual * d_.y();
   nu_.all += dual * nu_step_.all;
   xi_ += dual * xi_step_;
-  // Where the product itself leaves room, u is what it leaves.
+  // If the product leaves more slack than u, u is set to it.
   for (Index i = 0; i < problem_.pairs(); ++i) u_[i] = std::max(u_[i], tau_ - slack_.s()[i] * slack_.t()[i]);
   step_length_ = std::min(primal, dual);
 }

@@ -23,8 +23,8 @@ SplitStep::SplitStep(const ScaledProblem& problem, Kkt& kkt, const Options& opti
       rhs_(problem.layout),
       weight_(problem.pairs()) {}
 
-// dq = (π − f)/h and dm = (−π − f)/h, each with its own f and h, for the multiplier π: so π = W(t ds + s dt)
-// + what is put into `multiplier` here.
+// dq = (π − f)/h and dm = (−π − f)/h, each with its own f and h, for the multiplier π. So π = W(t ds + s dt)
+// + the constant part, which is stored in `multiplier` here.
 void SplitStep::weigh(const Images& at) {
   const Index rows = problem_.layout.size(), pairs = problem_.pairs();
   weights_.rho = tuning::interior_rho;

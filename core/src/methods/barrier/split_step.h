@@ -1,9 +1,10 @@
-// The equality constrained QPs of ALADIN-β, its local Newton steps and its coordination alike: in steps of z
-// and of q and m, the two sides of what the products s∘t may miss zero by,
+// Solves the equality-constrained QPs of ALADIN-β, those of its local Newton steps and of its coordination,
+// in steps of z and of q and m, the positive and negative parts by which the products s∘t miss zero:
 //   min ½ dzᵀQdz + (Qz + g + Aᵀy)ᵀdz + Σ (½ h e² + f e) + Σ κ ds dt
 //   over  A dz = −(Az + b)  and  t ds + s dt − dq + dm = −G,
-// where e = [J dz; dq; dm], the changes of all rows [C; L; R], of which (ds, dt) are the pairs', and of q and
-// m, each has its curvature h and slope f. dq and dm are not solved for: they make a weight of t ds + s dt.
+// where e = [J dz; dq; dm] contains the changes of all rows [C; L; R], including (ds, dt) of the pairs, and
+// those of q and m. Each has a curvature h and a slope f. dq and dm are eliminated into a weight of
+// t ds + s dt.
 #pragma once
 
 #include "data/residual.h"
@@ -15,15 +16,16 @@ namespace marble {
 class SplitStep {
  public:
   SplitStep(const ScaledProblem& problem, Kkt& kkt, const Options& options);
-  /// How many numbers e has, for a problem with these rows.
+  /// Returns the size of e for a problem with these rows.
   [[nodiscard]] static Index split_size(const RowLayout& rows) { return rows.size() + 2 * rows.pairs; }
 
-  Vector curvature;  ///< h, of all of e; > 0 of dq and dm
-  Vector slope;      ///< f, of all of e
+  Vector curvature;  ///< h, for all of e; > 0 for dq and dm
+  Vector slope;      ///< f, for all of e
   Vector coupling;   ///< κ, n_c
   Vector product;    ///< G, n_c
 
-  /// From a point with y that has these images, its rows without multipliers. False if no δ makes it convex.
+  /// Solves from a point with y that has these images, without multipliers of its rows. Returns false if no δ
+  /// makes the QP convex.
   [[nodiscard]] bool solve(Run& run, const Images& at);
 
   Vector z_step;      ///< n
