@@ -117,7 +117,7 @@ bool Projection::prove(const Vector& ray) {
     dz.setZero();
     add_transposed(nearest_.A, -y, dz);
     add_transposed(nearest_.rows, mu, dz);
-    if (pass > 0 && accept({true, {}, y, mu}, tuning::set_noise * max_abs(dz))) return true;
+    if (pass > 0 && accept({true, {}, y, mu})) return true;
     if (!is_factored) {
       ++run_->factorizations;
       if (!kkt_beside_->factor(weights)) return false;
@@ -138,8 +138,13 @@ bool Projection::prove(const Vector& ray) {
   return false;
 }
 
-// What is noise beside the other multipliers is left out. Then whether they contradict the rows.
-bool Projection::accept(LeafMultipliers proof, double noise) {
+// What is noise beside the other multipliers, by what is left of their sum, is left out. Then whether they
+// contradict the rows.
+bool Projection::accept(LeafMultipliers proof) {
+  Vector rest = Vector::Zero(nearest_.variables());
+  add_transposed(nearest_.A, proof.y, rest);
+  add_transposed(nearest_.rows, -proof.rows, rest);
+  const double noise = tuning::set_noise * max_abs(rest);
   const auto is_noise = [noise](double multiplier) { return std::abs(multiplier) <= noise; };
   std::ranges::replace_if(proof.y, is_noise, 0.0);
   std::ranges::replace_if(proof.rows, is_noise, 0.0);
@@ -212,8 +217,8 @@ bool Projection::prove_from_nothing() {
   const NodeEngine::End end =
       interior_->solve(*box_, std::numeric_limits<double>::infinity(), run_->interrupt());
   run_->factorizations += static_cast<std::int32_t>(interior_->factorizations() - before);
-  if (end == NodeEngine::End::infeasible) return accept(interior_->contradiction(), 0.0);
-  if (end != NodeEngine::End::undecided) return false;
+  if (end != NodeEngine::End::infeasible && end != NodeEngine::End::undecided) return false;
+  if (accept(interior_->contradiction())) return true;
   Vector active = interior_->multipliers();
   for (Index row = 0; row < nearest_.layout.size(); ++row) {
     if (!is_fixed(row) && active[row] < interior_->slacks()[row]) active[row] = 0.0;

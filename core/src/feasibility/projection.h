@@ -58,7 +58,7 @@ class Projection {
   [[nodiscard]] bool is_fixed(Index row) const { return set_->kind(row) == DualActiveSet::RowKind::fixed; }
   void center();
   [[nodiscard]] bool prove(const Vector& ray);
-  [[nodiscard]] bool accept(LeafMultipliers proof, double noise);
+  [[nodiscard]] bool accept(LeafMultipliers proof);
   void index_entries();
   void clean(LeafMultipliers& proof) const;
   [[nodiscard]] bool prove_from_nothing();
