@@ -19,8 +19,7 @@ namespace marble::server {
 
 struct ResultLimits {
   Clock::duration keep = std::chrono::hours(1);
-  std::int64_t bytes =
-      0;  ///< of all results and requests; drops the oldest first, requests before any result
+  std::int64_t bytes = 0;  ///< results and requests; drops the oldest first, requests before results
 };
 
 /// Thread-safe. Callbacks are called without a lock.
