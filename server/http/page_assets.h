@@ -1,4 +1,4 @@
-// The files of server/page, compiled in: page_assets.cpp is made from them by page_assets.cmake.
+// The files of server/page, compiled in: page_assets.cmake generates page_assets.cpp from them.
 #pragma once
 
 #include <span>
