@@ -32,8 +32,7 @@ class LogWriter {
 
  private:
   struct Queue;
-  const std::shared_ptr<Queue>
-      queue_;  // shared with the thread, which a stalled reader may keep beyond our end
+  const std::shared_ptr<Queue> queue_;  // shared with the thread, which outlives this if the reader stalls
   std::thread thread_;
 };
 
