@@ -66,7 +66,7 @@ using google::protobuf::FieldDescriptor;
 
 struct OptionField {
   const OptionInfo& option;
-  const FieldDescriptor* field;  // of SolveOptions
+  const FieldDescriptor* field;  // field of SolveOptions
 };
 
 // Looked up by name once: a lookup takes as long as everything else for an option. Never destroyed: the

@@ -14,7 +14,7 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using Wire = google::protobuf::internal::WireFormatLite;
 
-constexpr std::int64_t kBlockFields = 64;  // of a block, whose parts and coupling have 47
+constexpr std::int64_t kBlockFields = 64;  // fields of a block, whose parts and coupling have 47
 
 class FieldCounter {
  public:

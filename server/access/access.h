@@ -19,9 +19,9 @@ namespace marble::server {
 /// What a call contains about its caller.
 struct Credentials {
   std::string peer;                        ///< gRPC's address of it
-  std::optional<std::string> token;        ///< of "authorization: Bearer TOKEN"
+  std::optional<std::string> token;        ///< from "authorization: Bearer TOKEN"
   std::optional<std::string> certificate;  ///< name in its verified certificate
-  std::optional<std::string> name;         ///< of "marble-client: NAME"
+  std::optional<std::string> name;         ///< from "marble-client: NAME"
 };
 
 /// Returns the token in the value of an authorization header; empty if it is not a bearer token.

@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::size_t kAhead = 2;               // elements in the queue besides those that run
 constexpr std::int64_t kAnswerBytes = 128;      // memory of a result besides its message
-constexpr std::int64_t kNewestBytes = 1 << 20;  // of the newest results that stay in memory
+constexpr std::int64_t kNewestBytes = 1 << 20;  // bytes of the newest results that stay in memory
 constexpr std::size_t kNewest = 64;             // number of them
 
 Error deleted(const std::string& id) {
@@ -47,7 +47,7 @@ struct Array::Run {
   std::int64_t index = 0;
   std::int64_t lost = 0;
   std::shared_ptr<JobRecord> record;
-  std::int64_t bytes = 0;  // of its request, once it is read
+  std::int64_t bytes = 0;  // bytes of its request, once it is read
 };
 
 class Array::Keeper final : public JobObserver {
@@ -128,7 +128,7 @@ std::shared_ptr<Array::Run> Array::next() {
   if (from->empty()) return nullptr;
   const auto run = std::make_shared<Run>(Run{from->front().index, from->front().lost, nullptr, 0});
   from->pop_front();
-  running_[run->index] = nullptr;  // it counts from here on
+  running_[run->index] = nullptr;  // the element counts as running from here on
   return run;
 }
 

@@ -65,7 +65,7 @@ class Array final : public RoomWaiter, public std::enable_shared_from_this<Array
   struct News {
     std::vector<ElementAnswer> answers;
     bool is_over = false;           ///< no more follow
-    std::optional<Error> end = {};  ///< of an array that is over: why before its last element
+    std::optional<Error> end = {};  ///< set for an array that is over: why before its last element
   };
   /// Errors: not_found (it was dropped), unavailable (the store cannot be read).
   [[nodiscard]] Expected<News> news_after(std::int64_t sequence, std::int64_t most_bytes)
@@ -100,7 +100,7 @@ class Array final : public RoomWaiter, public std::enable_shared_from_this<Array
   ElementStore& store_;
   OneSuspect& one_suspect_;
   const std::shared_ptr<JobRecord> record_;
-  std::shared_ptr<const ArraySetup> setup_;  // until the last element has ended
+  std::shared_ptr<const ArraySetup> setup_;  // set until the last element has ended
   const std::size_t most_running_;
   mutable Mutex mutex_;
   std::shared_ptr<Scheduler::Place> place_ ABSL_GUARDED_BY(mutex_);

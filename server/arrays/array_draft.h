@@ -58,7 +58,7 @@ class ArrayDraft final : public std::enable_shared_from_this<ArrayDraft> {
   mutable Mutex mutex_;
   std::int64_t unsettled_ ABSL_GUARDED_BY(mutex_) = 0;
   std::int64_t unsettled_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::optional<Error> failed_ ABSL_GUARDED_BY(mutex_);  // of writing one of them
+  std::optional<Error> failed_ ABSL_GUARDED_BY(mutex_);  // error of writing an element
 };
 
 }  // namespace marble::server

@@ -11,7 +11,7 @@ class LastMinute {
  public:
   using Time = std::chrono::steady_clock::time_point;
   struct Sum {
-    std::int64_t answered = 0, solved = 0;  ///< solved: of the answered
+    std::int64_t answered = 0, solved = 0;  ///< solved: those among the answered
   };
 
   /// Adds one result. Time does not go back.

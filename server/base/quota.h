@@ -14,7 +14,7 @@ struct Quota {
   int sessions = std::numeric_limits<int>::max();                 ///< open sessions
   int watchers = std::numeric_limits<int>::max();                 ///< feeds of job events
   int bundles = std::numeric_limits<int>::max();                  ///< concurrent replay bundles
-  std::int64_t bytes = std::numeric_limits<std::int64_t>::max();  ///< of requests that wait or run
+  std::int64_t bytes = std::numeric_limits<std::int64_t>::max();  ///< size of requests that wait or run
   Priority priority = Priority::realtime;                         ///< the highest it may request
 };
 

@@ -32,7 +32,7 @@ struct LineFault {
 
 struct NewToken {
   std::string secret;  ///< 256 random bits as hexadecimal digits
-  std::string line;    ///< for the file
+  std::string line;    ///< line for the file
 };
 
 /// Makes a token. `name_and_roles` is "NAME:ROLE[,ROLE...]".

@@ -17,8 +17,8 @@ namespace {
 using std::chrono::steady_clock;
 
 // The dense algebra of an iteration takes the cube of these.
-constexpr std::int64_t kMostRows = 1000;      // that couple the blocks
-constexpr std::int64_t kMostBlockRows = 250;  // with entries of one block
+constexpr std::int64_t kMostRows = 1000;      // rows that couple the blocks
+constexpr std::int64_t kMostBlockRows = 250;  // rows with entries of one block
 
 Error as_in_message(const Error& error) { return of_field(coupled_message_field(error.field), error); }
 

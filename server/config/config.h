@@ -26,7 +26,7 @@ struct ClientConfig {
 struct Config : Settings {
   std::vector<std::string> listen = {
       contract::default_address};  ///< host:port, with port 0 for any free port, or unix:PATH
-  Options solver_defaults;         ///< for options that a request leaves out
+  Options solver_defaults;         ///< defaults of options that a request leaves out
   std::map<std::string, ClientConfig> clients;
   std::vector<Token> known_tokens;             ///< contents of the file `tokens`
   std::map<std::string, std::string> sources;  ///< source of each key that is not at its default

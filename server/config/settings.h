@@ -28,7 +28,7 @@ struct SettingInfo {
   SettingValue default_value;  ///< also determines the type
   SettingValue low, high;      ///< closed range of a number
   std::string unit, doc;
-  std::vector<std::string> choices;  ///< of a text; empty if any text is valid
+  std::vector<std::string> choices;  ///< valid texts; empty if any text is valid
 };
 
 /// Returns all settings in the order of config.def.

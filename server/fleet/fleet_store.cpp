@@ -17,9 +17,9 @@ using Seconds = std::chrono::seconds;
 
 constexpr std::chrono::milliseconds kTick{250};
 constexpr Seconds kJanitor{2};
-constexpr int kTries = 5;                   // of a transaction that conflicted with another
+constexpr int kTries = 5;                   // attempts of a transaction that conflicted with another
 constexpr std::int64_t kAnswerBytes = 512;  // memory of a result besides its message
-constexpr double kOldest = 4e9;             // seconds that a job may have waited: clocks count no further
+constexpr double kOldest = 4e9;             // limit on a job's age in seconds: clocks count no further
 constexpr std::int64_t kMostLost = 1'000'000;
 constexpr std::int64_t kMostOfALine = 64;  // jobs of one client and priority in one take
 
@@ -364,7 +364,7 @@ Expected<std::vector<TakenJob>> FleetStore::take(const Lines& lines, FleetTaker:
   }
   for (auto& turns : able) std::ranges::stable_sort(turns, {}, &Line::turn);
   using Place = std::tuple<std::string, std::size_t, bool>;
-  std::map<Place, std::int64_t> counts;  // in the order of its locks
+  std::map<Place, std::int64_t> counts;  // ordered as its locks are taken
   const auto now = std::chrono::steady_clock::now();
   for (int i = 0; i < room.jobs; ++i) {
     std::array<std::vector<Line>::iterator, kPriorities> next;

@@ -20,7 +20,7 @@ namespace marble::server {
 /// A job to be admitted.
 struct FleetJob {
   StoredJob stored;
-  Quota quota;       ///< of its client
+  Quota quota;       ///< quota of its client
   std::string info;  ///< a marble.v1.JobInfo
   /// Set when `settled` reports success: the id, of an earlier job if it exists already, or why the job is
   /// refused.
@@ -72,10 +72,10 @@ class FleetTaker {
 };
 
 struct FleetLimits {
-  QueueLimits queue;    ///< of all servers together, except workers
-  double keep_s = 0.0;  ///< for results
+  QueueLimits queue;    ///< limits of all servers together, except workers
+  double keep_s = 0.0;  ///< retention time of results
   std::int64_t answer_bytes = 0;
-  bool keeps_requests = false;  ///< of jobs with a result, while there is memory
+  bool keeps_requests = false;  ///< keeps those of jobs with a result, while there is memory
   double lease_s = 0.0;
   int job_starts = 2;
 };

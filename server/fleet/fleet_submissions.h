@@ -44,7 +44,7 @@ class FleetSubmissions final : public Submissions, FleetTaker, FleetOwner {
     std::int64_t number = 0;
     std::string token;
     std::shared_ptr<JobRecord> record;
-    std::int64_t begin = 0, cursor = 0;  // of its rows: begin: before the first; cursor: sent
+    std::int64_t begin = 0, cursor = 0;  // row numbers: before its first; last sent
     std::int64_t changes = 0;
     bool is_lost = false;     // another server has it
     bool is_suspect = false;  // a server died while running it

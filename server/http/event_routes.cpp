@@ -10,8 +10,8 @@
 namespace marble::server::http {
 namespace {
 
-constexpr std::chrono::seconds kSilence{3};  // after this a comment tests whether the client still reads
-constexpr std::chrono::seconds kRecheck{2};  // of the caller's identity: tokens and roles can be reloaded
+constexpr std::chrono::seconds kSilence{3};  // after this, a comment tests whether the client still reads
+constexpr std::chrono::seconds kRecheck{2};  // for checks of the caller: tokens and roles can be reloaded
 
 /// One event stream: writes frames to one client as they come.
 class EventStream {

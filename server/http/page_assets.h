@@ -9,7 +9,7 @@ namespace marble::server::http {
 struct PageAsset {
   std::string_view name;  ///< "index.html"
   std::string_view bytes;
-  std::string_view hash;  ///< of the bytes, in hexadecimal
+  std::string_view hash;  ///< hash of the bytes, in hexadecimal
 };
 
 [[nodiscard]] std::span<const PageAsset> page_assets();

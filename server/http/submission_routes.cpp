@@ -29,7 +29,7 @@ constexpr std::int64_t kBytesOfAnswer = 4;
 constexpr std::int64_t kAllFields = std::numeric_limits<std::int64_t>::max() / 4;  // for its own messages
 
 constexpr std::chrono::milliseconds kLook{100};  // between checks whether the wait is still needed
-constexpr std::chrono::seconds kMoment{5};       // in which a job that has ended gets its result
+constexpr std::chrono::seconds kMoment{5};       // time in which a job that has ended gets its result
 
 // Reads the text of a body, for an identified caller.
 Expected<std::string> read_body(const httplib::ContentReader& read, Places& places, std::size_t length,

@@ -15,7 +15,7 @@ namespace marble::server {
 
 struct BoardLimits {
   int history_jobs = 1000;  ///< finished jobs that are kept
-  int trace_rows = 256;     ///< of each job
+  int trace_rows = 256;     ///< maximum trace length of each job
   int trace_pairs = 128;    ///< pairs of a problem whose sides are kept
 };
 
@@ -53,7 +53,7 @@ class JobBoard {
   [[nodiscard]] Records active() const ABSL_LOCKS_EXCLUDED(mutex_);
   struct Finished {
     std::vector<Record> records;  ///< in the order in which they finished
-    std::int64_t skipped = 0;     ///< those that were removed already
+    std::int64_t skipped = 0;     ///< number of those that were removed already
   };
   /// Returns the jobs that have finished since the cursor, and advances it.
   [[nodiscard]] Finished finished_since(std::int64_t& cursor) const ABSL_LOCKS_EXCLUDED(mutex_);
@@ -64,10 +64,10 @@ class JobBoard {
 
   const BoardLimits limits_;
   mutable Mutex mutex_;
-  std::map<std::int64_t, Record> records_ ABSL_GUARDED_BY(mutex_);  // by order of acceptance
+  std::map<std::int64_t, Record> records_ ABSL_GUARDED_BY(mutex_);  // key: order of acceptance
   std::unordered_map<std::string, std::int64_t> numbers_ ABSL_GUARDED_BY(mutex_);
   std::map<std::int64_t, Record> active_ ABSL_GUARDED_BY(mutex_);
-  mutable Records active_list_ ABSL_GUARDED_BY(mutex_);  // of active_; null: must be rebuilt
+  mutable Records active_list_ ABSL_GUARDED_BY(mutex_);  // list of active_; null: must be rebuilt
   std::deque<Record> finished_ ABSL_GUARDED_BY(mutex_);
   std::int64_t next_number_ ABSL_GUARDED_BY(mutex_) = 0;
   std::int64_t finished_count_ ABSL_GUARDED_BY(mutex_) = 0;

@@ -38,14 +38,14 @@ struct JobDescription {
   std::string client = {};                            ///< who may see it, besides observers
   std::string request_id = {}, name = {}, peer = {};  ///< as the client gave them
   Index variables = 0, equalities = 0, inequalities = 0, pairs = 0;
-  std::optional<TraceContext> trace = {};  ///< of the call that submitted it
+  std::optional<TraceContext> trace = {};  ///< trace of the call that submitted it
   std::chrono::system_clock::time_point accepted = std::chrono::system_clock::now();
 };
 
 /// The place of a job that waits.
 struct QueuePlace {
   int position = 0;               ///< jobs that will be taken before it, by the current state
-  double estimated_wait_s = 0.0;  ///< from the mean of recent solves
+  double estimated_wait_s = 0.0;  ///< estimate from the mean of recent solves
 };
 
 /// Progress of an array.
@@ -58,7 +58,7 @@ struct ArrayCounts {
 /// Properties that change.
 struct JobSnapshot {
   JobState state = JobState::queued;
-  std::optional<Status> status;  ///< of the result; of a session, of the newest result
+  std::optional<Status> status;  ///< status of the result; in a session, of the newest result
   std::optional<Error> error;    ///< why there is no result
   std::int64_t iterations = 0, factorizations = 0;
   double objective = 0.0;
@@ -72,10 +72,10 @@ struct JobSnapshot {
   double queue_s = 0.0, total_s = 0.0;
   std::int64_t updates = 0;
   std::int64_t memory_bytes = 0, result_bytes = 0;
-  std::vector<ScenarioLevel> levels = {};  ///< of a scenario solve, without x
+  std::vector<ScenarioLevel> levels = {};  ///< levels of a scenario solve, without x
   std::string detail = {};                 ///< the numbers that justify the status
-  std::optional<ArrayCounts> array = {};   ///< of an array only
-  std::string server = {};                 ///< of several with one store: which runs it, or ran it last
+  std::optional<ArrayCounts> array = {};   ///< set only for an array
+  std::string server = {};                 ///< if several share a store: which runs it, or ran it last
   std::optional<std::chrono::system_clock::time_point> finished = {};  ///< when it finished, if it has
   std::int64_t version = 0;  ///< grows with every change except progress
 };
@@ -120,7 +120,7 @@ class JobRecord final : public ProgressSink {
   struct Trace {
     std::vector<Progress> rows;
     int stride = 1;
-    std::int64_t cursor = 0;  ///< where to read on
+    std::int64_t cursor = 0;  ///< position to read on from
     std::vector<PairHistory::Frame> pairs = {};
   };
   /// Restores the state that it had when it finished, before the server restarted, or its state on another

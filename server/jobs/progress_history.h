@@ -20,7 +20,7 @@ class ProgressHistory {
 
   struct Rows {
     std::vector<Progress> rows;  ///< oldest first, without vectors
-    std::int64_t skipped = 0;    ///< of those after the cursor, the number that were dropped
+    std::int64_t skipped = 0;    ///< number of dropped rows after the cursor
   };
 
   void put(const Progress& progress) {

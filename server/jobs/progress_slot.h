@@ -26,7 +26,7 @@ class ProgressSlot {
     std::vector<Progress> rows;      ///< oldest first, without vectors
     std::vector<double> newest_z;    ///< the iterate of the last row, if requested
     std::int64_t skipped = 0;        ///< rows of this solve that were dropped so far
-    std::int64_t newly_skipped = 0;  ///< of them, since the last take
+    std::int64_t newly_skipped = 0;  ///< rows dropped since the last take
   };
 
   ProgressSlot() { ring_.reserve(kMostRows); }
@@ -93,12 +93,12 @@ class ProgressSlot {
 
   mutable Mutex mutex_;
   std::vector<Progress> ring_ ABSL_GUARDED_BY(mutex_);
-  std::size_t oldest_ ABSL_GUARDED_BY(mutex_) = 0;  // not 0 only while the ring is full
+  std::size_t oldest_ ABSL_GUARDED_BY(mutex_) = 0;  // 0 unless the ring is full
   std::vector<double> newest_z_ ABSL_GUARDED_BY(mutex_);
   Clock::time_point next_ ABSL_GUARDED_BY(mutex_) = {};  // when rows are due, even if few
   Clock::time_point quiet_until_ ABSL_GUARDED_BY(mutex_) = Clock::time_point::max();
   std::int64_t skipped_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::int64_t skipped_before_ ABSL_GUARDED_BY(mutex_) = 0;  // by the last take
+  std::int64_t skipped_before_ ABSL_GUARDED_BY(mutex_) = 0;  // value of skipped at the last take
 };
 
 }  // namespace marble::server

@@ -128,12 +128,12 @@ class ResultStore {
   Forgotten also_forgotten_ ABSL_GUARDED_BY(mutex_);
   std::unordered_map<std::string, Entry> entries_ ABSL_GUARDED_BY(mutex_);
   std::map<std::pair<std::string, std::string>, std::string> ids_
-      ABSL_GUARDED_BY(mutex_);                   // by client and request id
+      ABSL_GUARDED_BY(mutex_);                   // keys: client and request id
   std::list<Age> ages_ ABSL_GUARDED_BY(mutex_);  // of those that have a result, oldest first
   std::int64_t bytes_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::int64_t growing_ ABSL_GUARDED_BY(mutex_) = 0;         // of them, those of arrays without a result
+  std::int64_t growing_ ABSL_GUARDED_BY(mutex_) = 0;         // part of bytes_: arrays without a result
   std::list<std::string> requests_ ABSL_GUARDED_BY(mutex_);  // ids of those that have both, oldest first
-  std::int64_t request_bytes_ ABSL_GUARDED_BY(mutex_) = 0;   // of these
+  std::int64_t request_bytes_ ABSL_GUARDED_BY(mutex_) = 0;   // bytes of these requests
 };
 
 }  // namespace marble::server

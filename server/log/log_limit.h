@@ -42,7 +42,7 @@ class LogLimit {
 
   struct Verdict {
     bool passes = true;
-    std::int64_t suppressed = 0;  ///< of the same event and client, since its last line that passed
+    std::int64_t suppressed = 0;  ///< lines of the event and client since its last line that passed
   };
   [[nodiscard]] Verdict ask(const LogEvent& event, std::string_view client, Time now)
       ABSL_LOCKS_EXCLUDED(mutex_);

@@ -119,7 +119,7 @@ LogWriter::~LogWriter() {
   if (over) {
     thread_.join();
   } else {
-    thread_.detach();  // it ends with the process
+    thread_.detach();  // the thread ends with the process
   }
 }
 

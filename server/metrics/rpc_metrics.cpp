@@ -104,7 +104,7 @@ class RpcInterceptors final : public grpc::experimental::ServerInterceptorFactor
     methods_.emplace("/" + method, std::make_unique<MethodSeries>(registry, method, raw));
   }
 
-  std::unordered_map<std::string, std::unique_ptr<MethodSeries>> methods_;  // by gRPC's path
+  std::unordered_map<std::string, std::unique_ptr<MethodSeries>> methods_;  // key: gRPC's path
   MethodSeries other_;
 };
 

@@ -12,7 +12,7 @@ namespace marble::server {
 namespace {
 
 constexpr std::chrono::milliseconds kPeriod{25};  // a connection brings about ten megabytes meanwhile
-constexpr int kMostAtOnce = 64;                   // of one address, before the others have their turn
+constexpr int kMostAtOnce = 64;                   // from one address, before the others have their turn
 
 Descriptor spare() { return Descriptor(open("/dev/null", O_RDONLY | O_CLOEXEC)); }
 

@@ -34,7 +34,7 @@ constexpr std::array<const char*, 6> kCloseReasons = {
 struct ConnectionLimits {
   int all = 0, host = 0;
   std::int64_t stranger_bytes = 0;   ///< per connection, before one of its callers is known
-  std::int64_t strangers_bytes = 0;  ///< of all such connections together
+  std::int64_t strangers_bytes = 0;  ///< limit on all such connections together
   std::int64_t message_bytes = 0;    ///< per call on any other connection
   Clock::duration start{}, idle{};
 };
@@ -71,7 +71,7 @@ class Connection {
   std::atomic<std::int64_t> explained_ = 0;     // bytes, since the last check
   std::atomic<Clock::rep> last_call_;           // time when the last call ended
   std::atomic<bool> known_ = false;             // one of its callers is authenticated
-  std::list<Connection*>::iterator stranger_;   // of an unauthenticated one; used by the table
+  std::list<Connection*>::iterator stranger_;   // place in strangers_ while unauthenticated
 
   // Used by the watching thread.
   Clock::time_point looked_;
@@ -146,7 +146,7 @@ class ConnectionTable {
   const Log& log_;
   const Descriptor events_;  // epoll's, of all sockets: which have new data, which have ended
   mutable Mutex mutex_;
-  std::unordered_map<int, std::shared_ptr<Connection>> connections_ ABSL_GUARDED_BY(mutex_);  // by socket
+  std::unordered_map<int, std::shared_ptr<Connection>> connections_ ABSL_GUARDED_BY(mutex_);  // key: socket
   std::unordered_map<std::string, std::shared_ptr<Connection>> by_peer_ ABSL_GUARDED_BY(mutex_);
   std::unordered_map<std::string, int> of_host_ ABSL_GUARDED_BY(mutex_);
   std::list<Connection*> strangers_ ABSL_GUARDED_BY(mutex_);  // oldest first

@@ -12,7 +12,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr std::chrono::seconds kLastAnswers{5};  // for replies in transit to slow clients
+constexpr std::chrono::seconds kLastAnswers{5};  // time for replies in transit to slow clients
 constexpr std::chrono::seconds kLastRefusals{1};
 constexpr int kQuietLooks = 2;
 constexpr milliseconds kPeriod{5};

@@ -71,7 +71,7 @@ Expected<ListeningSocket> open_in_time(const std::string& address, const Config&
   }
 }
 
-// gRPC's and ours, of the same addresses.
+// gRPC's server and the sockets, both of the same addresses.
 using Server = grpc::experimental::ExternalConnectionAcceptor;
 
 std::shared_ptr<Server> served_with(grpc::ServerBuilder& builder,

@@ -37,7 +37,7 @@ class ListeningSocket {
 
   std::string address_;
   std::vector<Descriptor> sockets_;
-  std::string file_;  // of a unix socket
+  std::string file_;  // path of a unix socket
 };
 
 /// Returns a peer as gRPC names it: "ipv4:127.0.0.1:4711", "ipv6:%5B::1%5D:4711", "unix:".

@@ -38,7 +38,7 @@ class LiveCalls {
     std::size_t place_ = 0;
   };
 
-  /// True if the call may wait for its message: has_come() then returns how that ended.
+  /// True if the call may wait for its message: has_come() then returns the outcome.
   [[nodiscard]] bool may_wait(Unread& call) ABSL_LOCKS_EXCLUDED(mutex_) {
     const MutexLock lock(mutex_);
     if (closed_) return false;

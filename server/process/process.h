@@ -7,7 +7,7 @@ namespace marble::server {
 
 struct ProcessUsage {
   std::int64_t resident_bytes = 0;
-  double cpu_s = 0.0;  ///< of all threads, user and system
+  double cpu_s = 0.0;  ///< CPU time of all threads, user and system
 };
 
 [[nodiscard]] ProcessUsage process_usage();
@@ -22,7 +22,7 @@ std::int64_t raise_descriptor_limit();
 struct ProcessFacts {
   int open_fds = 0;
   int threads = 0;
-  double start_time_s = 0.0;  ///< in Unix time
+  double start_time_s = 0.0;  ///< Unix time
 };
 
 [[nodiscard]] ProcessFacts process_facts();

@@ -12,9 +12,9 @@ class Supervisor {
   /// Removes NOTIFY_SOCKET from the environment, so that no child process can notify for the server.
   Supervisor();
 
-  void ready() const;      ///< it serves, and a reload that was reported has ended
-  void reloading() const;  ///< it reads its configuration again
-  void stopping() const;   ///< it drains
+  void ready() const;      ///< reports that it serves, and that a reload has ended
+  void reloading() const;  ///< reports that it reads its configuration again
+  void stopping() const;   ///< reports that it drains
 
  private:
   void tell(std::string_view state) const;

@@ -31,7 +31,7 @@ struct Outcome {
   double queue_s = 0.0;
   double total_s = 0.0;
   double retry_delay_s = 0.0;  ///< for errors that ask the client to retry
-  AlsoSaid also = nullptr;     ///< of a solution; null if there is nothing more
+  AlsoSaid also = nullptr;     ///< adds to a solution; null if there is nothing more
   bool interrupted = false;    ///< the job did not finish because the server stops
 };
 
@@ -63,16 +63,16 @@ class JobObserver {
 struct Job {
   std::shared_ptr<JobRecord> record;  ///< the job's state as other threads see it
   Ticket ticket;
-  Quota quota;  ///< of its client
+  Quota quota;  ///< quota of its client
   /// The work of a worker. It owns what it needs, and is freed before the observer is notified of the end.
   std::function<Expected<Solution>(const SolveControls&)> work;
-  AlsoSaid also = nullptr;                          ///< once its work is done
+  AlsoSaid also = nullptr;                          ///< called once its work is done
   std::shared_ptr<JobObserver> observer = nullptr;  ///< released after finished()
-  double time_limit_s = 1e9;                        ///< after which its work ends by itself
+  double time_limit_s = 1e9;                        ///< limit after which its work ends by itself
   bool is_interrupted = false;                      ///< scheduler only: stopped because the server stops
   bool has_started = false;                         ///< scheduler only: the observer was notified
   bool is_paused = false;                           ///< scheduler only: its worker runs a more urgent job
-  bool is_setup = false;        ///< of a session: prepares, solves nothing, and is not counted
+  bool is_setup = false;        ///< job of a session that prepares, solves nothing, and is not counted
   bool is_preparation = false;  ///< the same, for the preparation phase of an update
   Clock::time_point accepted = Clock::now();
   Clock::time_point begun = {};  ///< when a worker took it

@@ -27,9 +27,9 @@ namespace marble::server {
 struct QueueLimits {
   int workers = 1;         ///< a free worker counts as capacity, so jobs = 0 means "no waiting"
   int jobs = 0;            ///< limit on waiting jobs; one place in 16 is reserved for realtime jobs
-  std::int64_t bytes = 0;  ///< of requests that wait, in the queue or in their sessions, or run
+  std::int64_t bytes = 0;  ///< limit on requests that wait, in queue or session, or run
   int passed_over = 32;    ///< how often in a row a priority with waiting jobs may be passed over
-  std::chrono::steady_clock::duration passed_over_time = std::chrono::seconds(1);  ///< for how long it may be
+  std::chrono::steady_clock::duration passed_over_time = std::chrono::seconds(1);  ///< or for how long
   std::chrono::steady_clock::duration patience = std::chrono::seconds(10);
 
   /// Returns how many jobs may wait when a job of this priority arrives. Other jobs never fill the queue, so
@@ -50,7 +50,7 @@ struct Ticket {
   int work_class = 0;  ///< jobs of one client, priority and class run for about as long
   std::int64_t bytes = 0;
   bool reserved = false;     ///< an update of a session: its place was reserved with the session
-  bool placed = false;       ///< of an array, which has a place and its bytes: JobQueue::take_place()
+  bool placed = false;       ///< element of an array, which has its place: take_place()
   bool may_preempt = false;  ///< it may preempt an item of a lower priority: its memory is not its worker's
 
   /// True if the item counts against the number of items that may wait.
@@ -294,17 +294,17 @@ class JobQueue {
   struct Client {
     Quota quota;
     int queued = 0, running = 0;       // queued: items that take a place, and places
-    int places = 0;                    // of arrays
+    int places = 0;                    // places of arrays
     std::int64_t bytes = 0, held = 0;  // bytes: including held bytes
     std::array<Line, kPriorities> lines;
-    std::array<typename Turns::iterator, kPriorities> turns;  // of the priorities with a non-empty line
+    std::array<typename Turns::iterator, kPriorities> turns;  // of priorities with a non-empty line
   };
   struct Known {
     Ticket ticket;
     Client* client;
     Key key;
     bool running;
-    std::size_t ahead;  // of its priority
+    std::size_t ahead;  // number of items of its priority before it
   };
   using Tickets = std::map<const Item*, Known>;
   [[nodiscard]] auto find_turn(std::size_t at) const {
@@ -343,7 +343,7 @@ class JobQueue {
     const auto behind = static_cast<std::size_t>(std::distance(place, line.end())) - 1;
     const std::size_t before = line.size() - 1 - behind;
     const std::vector<std::size_t>& counts = at_least_[at];
-    std::size_t all = 0;  // of this client and of others
+    std::size_t all = 0;  // items of this client and of others
     if (before + 1 < counts.size() / 2) {
       all = std::accumulate(counts.begin(), counts.begin() + static_cast<std::ptrdiff_t>(before + 1), 0UL);
     } else {
@@ -408,7 +408,7 @@ class JobQueue {
   std::map<std::string, Client> clients_;  // clients with waiting or running items
   std::array<Turns, kPriorities> turns_;   // clients with waiting items, the next one first
   Tickets tickets_;
-  std::set<std::pair<Time, const Item*>> deadlines_;            // of waiting items: when to begin at last
+  std::set<std::pair<Time, const Item*>> deadlines_;            // latest time to begin each waiting item
   std::array<std::vector<std::size_t>, kPriorities> at_least_;  // [k]: lines of more than k items
   Ahead waiting_ = {}, preempting_ = {};                        // preempting: those of them that may preempt
   std::array<double, kPriorities> work_s_ = {};

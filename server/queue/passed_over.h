@@ -45,7 +45,7 @@ class PassedOver {
 
  private:
   struct Past {
-    int turns = 0;  // in a row
+    int turns = 0;  // number of times in a row
     Time since;
   };
   const int most_turns_;

@@ -25,13 +25,13 @@ namespace marble::server {
 
 struct Counters {
   std::int64_t accepted = 0, answered = 0, solved = 0, refused = 0, cancelled = 0, failed = 0;
-  std::int64_t updates = 0, updates_solved = 0;  ///< of sessions, with a result
+  std::int64_t updates = 0, updates_solved = 0;  ///< updates of sessions with a result
   std::array<std::int64_t, kRefusalReasons> refused_by_reason = {};
-  double busy_s = 0.0;  ///< that workers have spent on jobs
+  double busy_s = 0.0;  ///< time that workers have spent on jobs
   int queued = 0, running = 0;
   std::int64_t request_bytes = 0;  ///< waiting or running
   std::array<int, kPriorities> queued_by_priority = {};
-  std::array<double, kPriorities> estimated_wait_s = {};  ///< of a job that would arrive now
+  std::array<double, kPriorities> estimated_wait_s = {};  ///< wait of a job that would arrive now
 };
 
 /// An object that waits for capacity in a full queue.
@@ -243,7 +243,7 @@ class Scheduler final : public Pulsed, public TaskRunner {
   std::atomic<std::size_t> most_urgent_ = kPriorities;  // of what may preempt; read without the lock
   int idle_ ABSL_GUARDED_BY(mutex_) = 0;                // workers that wait for work
   int here_ ABSL_GUARDED_BY(mutex_) = 0;                // jobs that run in the place of an idle worker
-  std::vector<std::shared_ptr<Job>> begun_here_ ABSL_GUARDED_BY(mutex_);  // those that took too long for it
+  std::vector<std::shared_ptr<Job>> begun_here_ ABSL_GUARDED_BY(mutex_);  // jobs that took too long for it
   int paused_ ABSL_GUARDED_BY(mutex_) = 0;  // running jobs whose workers run others on top
   std::vector<std::shared_ptr<Job>> running_ ABSL_GUARDED_BY(mutex_);
   struct PlaceListener {

@@ -14,7 +14,7 @@ namespace marble::server {
 
 struct SessionLimits {
   int sessions = 0;
-  std::int64_t bytes = 0;  ///< of all sessions together
+  std::int64_t bytes = 0;  ///< memory of all sessions together
 };
 
 /// Thread-safe.

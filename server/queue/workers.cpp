@@ -73,7 +73,7 @@ class Scheduler::SteppingAside final : public Pause {
   Scheduler& scheduler_;
   Job& job_;
   const std::thread::id owner_ = std::this_thread::get_id();
-  std::atomic<Clock::duration> paused_ = Clock::duration();  // of the owner
+  std::atomic<Clock::duration> paused_ = Clock::duration();  // time in which the owner was paused
   std::atomic<Clock::time_point> goes_on_until_ = Clock::time_point();
 };
 
@@ -221,7 +221,7 @@ bool Scheduler::begin_here(const std::shared_ptr<Job>& job) {
   const bool is_short = longest_s > 0.0 && longest_s < 0.5 * seconds(kMostHere);
   const bool has_time = Clock::now() + kMostHere < job->ticket.deadline;
   if (!is_short || !has_time || idle_ <= here_ || queue_.waiting() != 1) return false;
-  if (queue_.pop(Clock::now()) == nullptr) return false;  // its client is at its quota
+  if (queue_.pop(Clock::now()) == nullptr) return false;  // the job's client is at its quota
   look_at_waiting();
   job->begun = Clock::now();
   running_.push_back(job);

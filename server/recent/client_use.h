@@ -49,7 +49,7 @@ class ClientUses {
 
   struct Sum {
     Uses clients;
-    ClientUse others;  ///< of slices that were full of other names
+    ClientUse others;  ///< use in slices that were full of other names
   };
 
   /// A worker has worked for this client until now, with or without a result. Time does not go back.

@@ -15,8 +15,8 @@ namespace marble::server {
 class Latencies {
  public:
   using Time = std::chrono::steady_clock::time_point;
-  static constexpr std::int64_t kSeconds = 60;        ///< that are kept
-  static constexpr std::int64_t kNewestSeconds = 10;  ///< for a curve
+  static constexpr std::int64_t kSeconds = 60;        ///< seconds that are kept
+  static constexpr std::int64_t kNewestSeconds = 10;  ///< seconds for a curve
 
   struct Quantiles {
     double median_s = std::numeric_limits<double>::quiet_NaN();  ///< NaN: there were no results

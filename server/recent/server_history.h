@@ -20,8 +20,8 @@ class ServerHistory final : public Pulsed {
     double time_s = 0.0;  ///< since the server started
     double queued = 0.0, running = 0.0;
     double done = 0.0;                   ///< jobs and updates with a result since the start
-    double busy_s = 0.0, cpu_s = 0.0;    ///< likewise
-    double median_s = 0.0, p99_s = 0.0;  ///< from acceptance to result, of the last seconds; NaN: none
+    double busy_s = 0.0, cpu_s = 0.0;    ///< seconds since the start
+    double median_s = 0.0, p99_s = 0.0;  ///< time from acceptance to result, in the last seconds; NaN: none
   };
 
   explicit ServerHistory(std::function<Point()> look) : look_(std::move(look)) {}

@@ -61,7 +61,7 @@ struct CheckedRequest {
 struct CheckedArray {
   Options options;
   Priority priority;
-  std::optional<PartSizes> base;  ///< of the base problem, if there is one
+  std::optional<PartSizes> base;  ///< sizes of the base problem, if there is one
   std::shared_ptr<JobRecord> record;
 };
 /// Error fields are paths from the message's root. Errors: as above.

@@ -11,7 +11,7 @@
 namespace marble::server {
 namespace {
 
-constexpr int kMostEvents = 256;  // in one message
+constexpr int kMostEvents = 256;  // limit on one message
 
 double seconds_since(Clock::time_point then, Clock::time_point now) {
   return std::chrono::duration<double>(now - then).count();

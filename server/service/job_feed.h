@@ -59,10 +59,10 @@ class JobFeed {
   const Identity viewer_;
   const double interval_s_;
   std::shared_ptr<JobRecord> one_;  // null: all jobs
-  Told told_;                       // of the one job
+  Told told_;                       // state of the one job
   std::int64_t cursor_ = 0;
   JobBoard::Records active_;   // the jobs that were active at the last refresh
-  std::vector<Told> told_of_;  // for each of them
+  std::vector<Told> told_of_;  // state of each of them
   struct News {
     std::shared_ptr<JobRecord> record;
     bool last = false;  // the job was found among the finished ones

@@ -49,7 +49,7 @@ class Reading {
   }
 
   Families families_;
-  std::string label_;  // of the newest family; a family that is read at a scrape has at most one label
+  std::string label_;  // label of the newest family, which has at most one
 };
 
 const char* priority_name(std::size_t at) { return kPriorityNames[at]; }

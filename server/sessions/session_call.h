@@ -86,11 +86,11 @@ class SessionCall final
   std::optional<WarmSolver> solver_;  // used by the job in progress
 
   std::unique_ptr<SessionTable::Place> place_ ABSL_GUARDED_BY(mutex_);
-  Options options_ ABSL_GUARDED_BY(mutex_);                         // of the newest update
+  Options options_ ABSL_GUARDED_BY(mutex_);                         // options of the newest update
   std::optional<grpc::ByteBuffer> unread_ ABSL_GUARDED_BY(mutex_);  // a message that is not parsed yet
   std::optional<WaitingUpdates> waiting_ ABSL_GUARDED_BY(mutex_);   // exists once there is a set-up
-  std::shared_ptr<Job> job_ ABSL_GUARDED_BY(mutex_);                // in progress
-  std::int64_t solving_ ABSL_GUARDED_BY(mutex_) = 0;                // its sequence number
+  std::shared_ptr<Job> job_ ABSL_GUARDED_BY(mutex_);                // job in progress
+  std::int64_t solving_ ABSL_GUARDED_BY(mutex_) = 0;                // sequence number of that update
   std::int64_t newest_sequence_ ABSL_GUARDED_BY(mutex_) = 0;
   bool any_update_ ABSL_GUARDED_BY(mutex_) = false;
   std::deque<v1::SessionResponse> events_ ABSL_GUARDED_BY(mutex_);  // not sent yet

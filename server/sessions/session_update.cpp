@@ -10,7 +10,7 @@ namespace marble::server {
 namespace {
 
 constexpr std::int64_t kRest = 4096;     // bytes of options and everything else that is no array
-constexpr std::size_t kBlockBytes = 20;  // at most, of a message
+constexpr std::size_t kBlockBytes = 20;  // maximum, in a message
 constexpr double kForEver = 1e9;         // seconds
 // Part of an update's deadline for its result to arrive: a tenth, but no more than a busy machine needs.
 constexpr double kForAnswer = 0.1;
@@ -42,7 +42,7 @@ void take_shift(std::vector<ShiftBlock> older, std::vector<ShiftBlock>& newer, s
 }  // namespace
 
 std::int64_t most_update_bytes(const PartSizes& sizes) {
-  std::size_t numbers = sizes.g;  // of a starting point
+  std::size_t numbers = sizes.g;  // for the starting point
 #define MARBLE_VECTOR(letter, field) numbers += sizes.letter;
 #define MARBLE_MATRIX(letter, field, update, vector) numbers += sizes.letter;
 #include "marble/contract.def"

@@ -50,7 +50,7 @@ class Update {
   /// arrive in time.
   [[nodiscard]] CheckedUpdate checked() const;
 
-  bool taken = false;  ///< by the solver
+  bool taken = false;  ///< set by the solver
 
  private:
   Update(v1::SessionUpdate message, const PartSizes& sizes, const Options& options)

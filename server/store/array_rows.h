@@ -16,8 +16,8 @@ extern const char* const kArrayTables;
 struct ElementRow {
   std::int64_t index = 0;
   std::int64_t lost = 0;           ///< starts during which the server died
-  std::int64_t request_bytes = 0;  ///< of an element without a result
-  std::int64_t sequence = 0;       ///< of its result; 0 while there is none
+  std::int64_t request_bytes = 0;  ///< size of the request of an element without a result
+  std::int64_t sequence = 0;       ///< sequence of its result; 0 while there is none
   std::int64_t answer_bytes = 0;
   ElementEnd end = ElementEnd::unsolved;
   std::int64_t iterations = 0, factorizations = 0;

@@ -16,7 +16,7 @@ struct StoredResult;
 /// One element of an array as received.
 struct StoredElement {
   std::string array = {};    ///< id of its job
-  std::int64_t index = 0;    ///< from 0
+  std::int64_t index = 0;    ///< counts from 0
   std::string request = {};  ///< a marble.v1.ArrayElement
 };
 
@@ -63,7 +63,7 @@ class ElementStore {
                                                                            std::int64_t after,
                                                                            std::int64_t most_bytes) = 0;
 
-  /// The array as a job has ended.
+  /// The array's job has ended.
   virtual void finish(StoredResult result, Settled settled) = 0;
   virtual void cancel(const std::string& id) = 0;
   virtual void forget(const std::string& id) = 0;

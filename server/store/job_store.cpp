@@ -17,9 +17,9 @@ constexpr const char* kFile = "/jobs.sqlite";
 constexpr const char* kLock = "/lock";
 constexpr const char* kRunning = "/running";
 constexpr const char* kApplication = "1298297459";  // "Mbrs", SQLite's application_id
-constexpr const char* kVersion = "3";               // of the tables, SQLite's user_version
+constexpr const char* kVersion = "3";               // version of the tables, SQLite's user_version
 constexpr const char* kWithoutArrays = "2";
-constexpr const char* kWithoutStarts = "1";  // nor jobs.lost
+constexpr const char* kWithoutStarts = "1";  // also without jobs.lost
 
 // `number` is the order of acceptance, `ended` that of the results.
 constexpr const char* kTables = R"(

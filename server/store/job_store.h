@@ -20,14 +20,14 @@ namespace marble::server {
 struct StoredJob {
   std::string id = {};
   std::string client = {}, request_id = {};
-  std::string digest = {};  ///< of the request, if it has an id
+  std::string digest = {};  ///< digest of the request, if it has an id
   std::string peer = {}, traceparent = {};
   std::int64_t priority = 0;
   double accepted_unix_s = 0.0;
   std::int64_t lost = 0;           ///< starts during which the server died
   bool cancelled = false;          ///< it must end, and not run again
   std::string request = {};        ///< a marble.v1.SolveRequest; left out in lists of jobs
-  std::int64_t request_bytes = 0;  ///< of the request, in lists of jobs
+  std::int64_t request_bytes = 0;  ///< size of the request, in lists of jobs
   /// Number of elements of an array; 0 while they are being received. Empty for other jobs.
   std::optional<std::int64_t> elements = {};
 };
@@ -35,14 +35,14 @@ struct StoredJob {
 /// How a job ended.
 struct StoredResult {
   std::string id = {};
-  std::string client = {}, request_id = {}, digest = {};  ///< only read: the job's
+  std::string client = {}, request_id = {}, digest = {};  ///< only read: as in the job
   std::string job = {};                                   ///< a marble.v1.GetJobResponse
   std::string answer = {};  ///< a marble.v1.SolveResponse; empty if there is none
   std::string error = {};   ///< a google.rpc.Status if there is no result
   double finished_unix_s = 0.0;
   std::string info = {};  ///< a marble.v1.JobInfo: the job's without its trace, for lists of several servers
   bool keeps_request = false;                 ///< the request stays with the result
-  std::int64_t request_bytes = -1;            ///< only read: of the request, if it is kept
+  std::int64_t request_bytes = -1;            ///< only read: size of the request, if it is kept
   std::optional<std::int64_t> elements = {};  ///< only read: as in StoredJob
 };
 
@@ -134,7 +134,7 @@ class JobStore final : public ElementStore {
   [[nodiscard]] Expected<void> make(const Change& change);
 
   const std::string file_;
-  const Descriptor lock_;  // of the directory, held while this object lives
+  const Descriptor lock_;  // lock on the directory, held while this object lives
   RunningJobs running_;
   Database writer_;  // used by the writer's thread
   Mutex read_mutex_;

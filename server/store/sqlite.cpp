@@ -5,7 +5,7 @@
 namespace marble::server {
 namespace {
 
-constexpr int kBusyMilliseconds = 5000;  // for a backup that reads meanwhile
+constexpr int kBusyMilliseconds = 5000;  // time for a backup that reads meanwhile
 
 Error fault_of(std::string file, int code, const char* words) {
   const auto kind = code == SQLITE_TOOBIG ? ErrorCode::resource_exhausted : ErrorCode::unavailable;

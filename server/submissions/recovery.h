@@ -42,7 +42,7 @@ class Recovery final : public RoomWaiter, public std::enable_shared_from_this<Re
   JobStore& store_;
   Mutex mutex_;
   std::deque<StoredJob> waiting_ ABSL_GUARDED_BY(mutex_);
-  std::deque<std::shared_ptr<Job>> suspects_ ABSL_GUARDED_BY(mutex_);  // those that wait for another suspect
+  std::deque<std::shared_ptr<Job>> suspects_ ABSL_GUARDED_BY(mutex_);  // wait for another suspect
   std::shared_ptr<Job> next_ ABSL_GUARDED_BY(mutex_);                  // made from the first stored job
 };
 

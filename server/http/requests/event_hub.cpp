@@ -50,7 +50,7 @@ std::string event(const char* name, const std::string& json) {
 struct EventHub::Topic {
   std::string key;
   std::string job_id, owner;  // empty: all jobs
-  Identity viewer;            // for the feed
+  Identity viewer;            // whose rights the feed uses
 
   int viewers = 0;
   bool has_newcomer = false;

@@ -45,7 +45,7 @@ class EventHub {
 
     struct Next {
       enum { frame, quiet, missed, over } what;
-      Frame bytes = nullptr;  ///< of a frame
+      Frame bytes = nullptr;  ///< set for a frame
     };
     /// Waits for the next frame, at most `patience`; quiet: none came. Missed: some were dropped, and it
     /// continues with the newest.

@@ -101,7 +101,7 @@ class Places {
   Mutex mutex_;
   int staying_ ABSL_GUARDED_BY(mutex_) = 0;
   std::int64_t held_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::map<std::string, std::int64_t> held_by_ ABSL_GUARDED_BY(mutex_);  // by client
+  std::map<std::string, std::int64_t> held_by_ ABSL_GUARDED_BY(mutex_);  // key: client
 };
 
 }  // namespace marble::server::http

@@ -86,7 +86,7 @@ Expected<void> reply_held(httplib::Response& response, Places& places, Places::P
 
 Expected<void> reply_long_json(httplib::Response& response, Places& places, Places::Place memory,
                                std::shared_ptr<const google::protobuf::Message> message) {
-  std::string text;  // of a short message
+  std::string text;  // JSON of a short message
   std::uint64_t length = 0;
   write_message_json(*message, [&](std::string_view piece) {
     length += piece.size();

@@ -9,7 +9,7 @@
 namespace marble::server::http {
 namespace {
 
-constexpr int kMostRequests = 1000;  // of one connection
+constexpr int kMostRequests = 1000;  // requests per connection
 constexpr int kLeastWaiting = 64;    // connections, even if few are served
 // Headers that no client can send: the error of an invalid head, and a header that httplib must not see.
 constexpr const char *kFault = "", *kAcceptEncoding = " Accept-Encoding";
@@ -108,7 +108,7 @@ void BoundedServer::serve(const Lobby::Guest& connection) {
   const std::string fault = fault_of_head(connection->received());
   const bool is_final = connection->begin_request() == kMostRequests;
   bool closes = false, is_last = true;  // unless it can be read
-  std::size_t length = 0, left = 0;     // of the body; of what may be read from there
+  std::size_t length = 0, left = 0;     // length of the body; bytes that may be read from there
   bool in_pieces = false;
   const auto set_up = [&](httplib::Request& request) {
     request.ssl = connection->session();

@@ -18,10 +18,10 @@ namespace marble::server::http {
 class Connection final : public httplib::Stream {
  public:
   static constexpr std::size_t kLongestRequest = 96 << 10;  ///< bytes of line, headers and body
-  static constexpr std::chrono::seconds kRequestTime{10};   ///< for all of these
-  static constexpr std::chrono::seconds kIdleTime{5};       ///< from a reply to the next request
-  static constexpr std::chrono::seconds kWriteTime{5};      ///< for each piece of a reply
-  static constexpr std::chrono::milliseconds kLinger{500};  ///< for a client that sends after the reply
+  static constexpr std::chrono::seconds kRequestTime{10};   ///< limit for all of these
+  static constexpr std::chrono::seconds kIdleTime{5};       ///< time from a reply to the next request
+  static constexpr std::chrono::seconds kWriteTime{5};      ///< time for each piece of a reply
+  static constexpr std::chrono::milliseconds kLinger{500};  ///< time for a client that still sends
 
   /// `session` is null without TLS. A request's first line has `line_time` from its first byte, and so have
   /// its body, from its head, and the first byte of a new connection. A client may make the server wait for
@@ -85,16 +85,16 @@ class Connection final : public httplib::Stream {
   const double answer_rate_;  // bytes/s
   bool shaken_ = false;
   std::vector<char> buffer_;
-  std::size_t begin_ = 0, end_ = 0;  // of data that is read but not used
+  std::size_t begin_ = 0, end_ = 0;  // data that is read but not used
   Arrival arrived_ = Arrival::nothing;
   std::size_t scanned_ = 0;  // bytes of the next request, except a possible start of an end
   short awaited_ = POLLIN;
   Clock::time_point since_ = Clock::now();  // the last reply, or the connection's start
   Clock::time_point begun_ = {};            // the request's first byte
   int requests_ = 0;
-  std::size_t left_ = 0;                   // of the request's bytes
+  std::size_t left_ = 0;                   // bytes of the request still allowed
   Clock::time_point until_ = {};           // time by which the request must be complete
-  Clock::duration may_wait_ = kWriteTime;  // for the client to read the reply
+  Clock::duration may_wait_ = kWriteTime;  // time for the client to read the reply
   bool lingers_ = false;                   // waits for data that still arrives
 };
 

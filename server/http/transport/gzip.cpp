@@ -12,7 +12,7 @@ namespace marble::server::http {
 namespace {
 
 constexpr int kThousandths = 1000;
-constexpr std::size_t kMostDigits = 3;       // of a weight, after its point
+constexpr std::size_t kMostDigits = 3;       // digits of a weight after its point
 constexpr int kGzipWindow = MAX_WBITS + 16;  // zlib's parameter for the gzip format
 
 // In thousandths, or empty if invalid: "1", "0.5", "1.000".
