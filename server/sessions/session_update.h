@@ -71,8 +71,7 @@ class Update {
 [[nodiscard]] std::int64_t most_update_bytes(const PartSizes& sizes);
 
 /// Parses a message to a session that is set up. A message larger than any update of the session is refused
-/// before that, allowing this many bytes for the request for derivatives; the error's field names the
-/// message.
+/// before that, allowing this many bytes for the request for derivatives; the error's field is its path.
 [[nodiscard]] Expected<void> parse_update(grpc::ByteBuffer& bytes, const PartSizes& sizes,
                                           v1::SessionRequest* request, std::int64_t sensitivity_bytes = 0);
 
