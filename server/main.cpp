@@ -1,4 +1,4 @@
-// Wiring: configuration → log → scheduler → services → gRPC server; signals → reload, drain.
+// Wires the server: configuration → log → scheduler → services → gRPC server; signals → reload, drain.
 #include <absl/synchronization/mutex.h>
 #include <grpcpp/server.h>
 
@@ -34,7 +34,7 @@ using namespace marble::server;
 constexpr int kBadConfiguration = 2;
 
 bool write_lines(const std::string& path, const std::vector<std::string>& lines) {
-  // Renamed into place, so that whoever waits for the file never reads half of it.
+  // Renamed into place, so that a process that waits for the file never reads half of it.
   const std::string draft = path + ".part";
   {
     std::ofstream file(draft);
@@ -61,7 +61,7 @@ ResultLimits result_limits(const Config& config) {
   return {duration_of(config.result_keep_s), config.result_bytes};
 }
 
-// Lets go of answers that were kept long enough.
+// Deletes results whose retention time is over.
 class ResultExpiry final : public Pulsed {
  public:
   explicit ResultExpiry(ResultStore& results) : results_(results) {}
@@ -71,7 +71,7 @@ class ResultExpiry final : public Pulsed {
   ResultStore& results_;
 };
 
-// Tells what was held back of clients that are silent now.
+// Logs the counts of suppressed lines of clients that no longer log any.
 class SuppressedLines final : public Pulsed {
  public:
   explicit SuppressedLines(Log& log) : log_(log) {}
@@ -116,8 +116,8 @@ int check_state(const Config& config) {
   return 0;
 }
 
-// Time for those who ask for health now and then to send their calls elsewhere. A second signal ends it, and
-// the grace with it.
+// Gives clients that check health time to send their calls elsewhere. A second signal ends this time and the
+// grace period.
 void give_notice(Scheduler& scheduler, Signals& signals, double notice_s) {
   scheduler.give_notice();
   const auto end = Clock::now() + duration_of(notice_s);
@@ -126,7 +126,7 @@ void give_notice(Scheduler& scheduler, Signals& signals, double notice_s) {
   if (signal != 0) scheduler.hurry();
 }
 
-// Returns when every accepted job has its answer. A second signal ends the grace.
+// Returns when every accepted job has its result. A second signal ends the grace period.
 void drain(Scheduler& scheduler, Signals& signals, double grace_s) {
   std::atomic<bool> drained = false;
   std::thread drainer([&] {
@@ -151,7 +151,7 @@ int main(int argc, char** argv) {
     std::cout << metrics_markdown();
     return 0;
   }
-  // Debian builds Abseil without NDEBUG, where each of gRPC's locks is held against a graph of all others.
+  // Debian builds Abseil without NDEBUG, where each lock of gRPC is checked against a graph of all others.
   absl::SetMutexDeadlockDetectionMode(absl::OnDeadlockCycle::kIgnore);
   const auto config = load_config(*command_line);
   if (!config) return tell(config.error());
@@ -200,7 +200,7 @@ int main(int argc, char** argv) {
   Scheduler& scheduler = *shared_scheduler;
   const auto expiry = std::make_shared<ResultExpiry>(results);
   const auto suppressed_lines = std::make_shared<SuppressedLines>(log);
-  Pulse pulse;  // after what it looks after: it ends first
+  Pulse pulse;  // declared after the objects that it calls, so that it ends first
   pulse.add(shared_scheduler);
   pulse.add(expiry);
   pulse.add(suppressed_lines);
@@ -270,7 +270,7 @@ int main(int argc, char** argv) {
     set_serving(*listening->server, false);
     give_notice(scheduler, signals, config->drain_notice_s);
   }
-  scheduler.close();  // before health says so: whoever has seen it is sure to be refused
+  scheduler.close();  // before health reports it: a client that has seen the status is refused for certain
   set_serving(*listening->server, false);
   drain(scheduler, signals, config->drain_grace_s);
   parts.submissions->close();

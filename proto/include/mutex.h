@@ -1,6 +1,6 @@
-// A mutex that clang's thread-safety analysis and ThreadSanitizer both understand: absl::Mutex synchronises
-// inside a library that is not instrumented, so the latter would see none of it. Server, client and load
-// tester share it; nobody who uses the client sees it.
+// A mutex that clang's thread-safety analysis and ThreadSanitizer both understand: absl::Mutex synchronizes
+// inside a library that is not instrumented, so ThreadSanitizer would see none of it. Shared by server,
+// client and load tester; not visible to users of the client.
 #pragma once
 
 #include <absl/base/thread_annotations.h>
@@ -32,9 +32,9 @@ class ABSL_SCOPED_LOCKABLE MutexLock {
   Mutex& mutex_;
 };
 
-/// Waited on with a locked Mutex, in a loop that looks at what it waits for. (std::condition_variable_any
-/// would do, but has a mutex of its own, on which each who is woken may stumble once more. It is right for
-/// whoever waits for a std::stop_token too: it takes a Mutex as its lock.)
+/// Waited on with a locked Mutex, in a loop that checks the awaited condition. (std::condition_variable_any
+/// would work, but has its own mutex, on which each woken thread may block again. To wait on a
+/// std::stop_token too, it is the right one: it takes a Mutex as its lock.)
 class Condition {
  public:
   void notify_one() { condition_.notify_one(); }

@@ -40,7 +40,7 @@ void take_vectors(const Message& message, Solution& solution) {
   solution.complementarity_multipliers_R = vector_of(message.complementarity_multipliers_r());
 }
 
-// The core speaks the letters of the equation, the message the field's terms.
+// The core uses the letters of the equation, the message the terms of the field.
 struct FieldNames {
   const char *core, *message;
 };
@@ -55,7 +55,7 @@ constexpr FieldNames kUpdateNames[] = {
 #include "marble/contract.def"
 };
 
-// Where a solve starts.
+// Fields of a starting point.
 constexpr FieldNames kStartNames[] = {
     {"initial_z", "initial_point.z"},
     {"warm_start.complementarity_multipliers_L", "warm_start.complementarity_multipliers_l"},
@@ -66,11 +66,11 @@ using google::protobuf::FieldDescriptor;
 
 struct OptionField {
   const OptionInfo& option;
-  const FieldDescriptor* field;  // of SolveOptions
+  const FieldDescriptor* field;  // field of SolveOptions
 };
 
-// Found by name once: a lookup takes as long as all the rest of an option. Never destroyed: the workers of a
-// client or server in static storage still convert options while the process exits.
+// Looked up by name once: a lookup takes as long as everything else for an option. Never destroyed: the
+// workers of a client or server in static storage still convert options while the process exits.
 const std::vector<OptionField>& option_fields() {
   static const auto& fields = *[] {
     auto* result = new std::vector<OptionField>;
@@ -213,7 +213,7 @@ Expected<Options> options_of(const v1::SolveOptions& message, const Options& def
         break;
       case OptionType::choice: {
         const int number = reflection->GetEnumValue(message, field);
-        if (number == 0) continue;  // UNSPECIFIED is the same as absent
+        if (number == 0) continue;  // UNSPECIFIED counts as absent
         value = number - 1.0;
         break;
       }

@@ -10,7 +10,7 @@ namespace {
 constexpr std::string_view kCoupled = "coupled.", kPieces = "pieces.", kStart = "start.",
                            kProblem = ".problem.";
 
-// "blocks[3].problem.A" with its last part by other names.
+// Renames the last part of a path such as "blocks[3].problem.A".
 template <class Rename>
 std::string renamed(const std::string& field, const Rename& rename) {
   const std::size_t at = field.find(kProblem);

@@ -77,7 +77,7 @@ void entries_to_message(const ScenarioEntries& entries, v1::ScenarioEntries* mes
   message->mutable_positions()->Assign(entries.positions.begin(), entries.positions.end());
 }
 
-// A part's numbers in each world; where a world has none, the base's.
+// A part's numbers in each scenario; those of the base where a scenario has none.
 struct Column {
   ProblemPart part;
   std::span<const double> base;

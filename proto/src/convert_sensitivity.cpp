@@ -50,7 +50,7 @@ Error error_of(const v1::Fault& message) {
           message.value(), message.bound()};
 }
 
-// What it says, unless it says why it cannot.
+// Returns the message's value, or its error if it contains one.
 template <class Message, class Take>
 auto unless_error(const Message& message, const Take& take) -> Expected<decltype(take(message))> {
   if (message.has_error()) return unexpected(error_of(message.error()));
@@ -91,7 +91,7 @@ constexpr FieldNames kNames[] = {
     {"losses.complementarity_multipliers_L", "losses.weights.complementarity_multipliers_l"},
     {"losses.complementarity_multipliers_R", "losses.weights.complementarity_multipliers_r"}};
 
-// With the head of a path in the words of the other side; empty if it has another one.
+// Replaces the head of a path by the other side's name; empty if the path has another head.
 std::string renamed(const std::string& field, std::string_view from, const char* to) {
   const bool is_head = field.starts_with(from) && (field.size() == from.size() || field[from.size()] == '.');
   return is_head ? to + field.substr(from.size()) : std::string();

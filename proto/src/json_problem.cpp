@@ -16,7 +16,7 @@ Expected<void> check_entries(const std::vector<double>& values, const char* key,
                             "must have " + std::to_string(size) + " entries (n)"));
 }
 
-// Sizes are compared before anything of that size is allocated.
+// Compares sizes before it allocates anything of that size.
 Expected<SparseMatrix> take_matrix(const JsonMatrix& part, const std::string& key, std::size_t rows,
                                    const char* rows_rule, Index n) {
   if (!part.present) return SparseMatrix{};
@@ -39,8 +39,8 @@ Expected<SparseMatrix> take_matrix(const JsonMatrix& part, const std::string& ke
   return compress(*part.rows, *part.columns, part.entries, key.c_str());
 }
 
-// The error of Problem::create, where the file has the entry: positions of compressed columns mean nothing
-// to its reader.
+// Converts an error of Problem::create to the file's position of the entry: positions in compressed columns
+// mean nothing to users of the file.
 Error in_terms_of_file(Error error, const JsonParts& parts, const OwnedProblem& problem) {
   const struct {
     std::string name;

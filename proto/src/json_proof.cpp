@@ -37,7 +37,7 @@ void append_sparse(std::string& text, const char* name, const SparseNumbers& num
   text += '}';
 }
 
-// Which variables are in Q.
+// Returns which variables occur in Q.
 std::vector<bool> curved(const SparseMatrixView& Q, std::size_t variables) {
   std::vector<bool> result(variables, false);
   for (Index column = 0; column < Q.columns; ++column) {

@@ -45,7 +45,7 @@ bool contains(const Names& names, const std::string& name) {
   return std::find(std::begin(names), std::end(names), name) != std::end(names);
 }
 
-// For a terminal: whatever the file holds, one line of ASCII.
+// For a terminal: one line of ASCII for any contents of the file.
 std::string shown(std::string text) {
   if (text.size() > kMostShown) text = text.substr(0, kMostShown) + "...";
   std::replace_if(
@@ -55,7 +55,7 @@ std::string shown(std::string text) {
 
 std::string text_of(double value) { return Json(value).dump(); }
 
-// The word of `text` that ends at or after `position`: what a reader would call the unexpected thing.
+// Returns the word of `text` that ends at or after `position`: the unexpected text, as a user would name it.
 std::string_view word_at(std::string_view text, std::size_t position) {
   constexpr std::string_view kDelimiters = " \t\r\n,:[]{}\"";
   const std::size_t at = std::min(position == 0 ? 0 : position - 1, text.size());
@@ -73,15 +73,15 @@ bool is_nan_or_infinity(std::string_view word) {
   return is("nan") || is("inf") || is("infinity");
 }
 
-// The exception tells line, column and what was expected there.
+// The exception contains line, column and what was expected there.
 std::string not_json(const Json::exception& exception) {
   std::string what = exception.what();
   if (const std::size_t start = what.find("] "); start != std::string::npos) what.erase(0, start + 2);
   return "is not JSON: " + shown(what);
 }
 
-// Receives nlohmann's events. Where it is: the key of the problem, in a matrix the key of the matrix, in an
-// array the index, or somewhere inside a value that nobody asked for.
+// Receives nlohmann's events. The state is the position: the key of the problem, in a matrix the key of the
+// matrix, in an array the index, or somewhere inside an ignored value.
 class Reader {
  public:
   explicit Reader(std::string_view text) : text_(text) {}
@@ -164,7 +164,7 @@ class Reader {
   }
   bool parse_error(std::size_t position, const std::string& token, const Json::exception& exception) {
     const std::string_view word = word_at(text_, position);
-    if (exception.id == 406) return wrong(shown(token));  // a number beyond the doubles: 1e999
+    if (exception.id == 406) return wrong(shown(token));  // a number that no double can represent: 1e999
     if (is_nan_or_infinity(word)) return wrong(shown(std::string(word)));
     error = invalid(field(), in_array() ? index_ : -1, "", not_json(exception));
     return false;
@@ -178,7 +178,7 @@ class Reader {
     return place_ == Place::vector || place_ == Place::indices || place_ == Place::values;
   }
 
-  // Whether the value that comes now belongs to a key that is not ours.
+  // True if the next value belongs to an unknown key.
   [[nodiscard]] bool is_ignored_value() const {
     if (place_ == Place::matrix) return !contains(kMembers, member_);
     if (place_ != Place::problem) return false;
@@ -235,7 +235,7 @@ class Reader {
         matrix_->entries.values.push_back(value);
         return ++index_, true;
       case Place::indices:
-        // Negative ones pass: whoever knows the rows says the range that counts.
+        // Negative ones pass: the code that knows the number of rows reports the valid range.
         if (!whole || *whole < std::numeric_limits<Index>::min() ||
             *whole > std::numeric_limits<Index>::max())
           return wrong(shown_value());
@@ -271,10 +271,11 @@ class Reader {
   JsonMatrix* matrix_ = nullptr;
   std::vector<Index>* indices_ = nullptr;
   std::int64_t index_ = 0;
-  std::size_t ignored_ = 0;  // containers that are open inside a value nobody asked for
+  std::size_t ignored_ = 0;  // open containers inside an ignored value
 };
 
-// The same of a request: the events of its problem go to that one's reader, all else is written down again.
+// The same for a request: the events of its problem go to the problem's reader, all others are written out
+// again.
 class RequestReader {
  public:
   RequestReader(std::string_view text, std::span<const std::string_view> members)
@@ -313,7 +314,7 @@ class RequestReader {
     return scalar(text, [&] { return problem_.number_float(value, text); });
   }
   bool start_object(std::size_t size) {
-    if (depth_++ == 0) return true;  // its first key tells what it is
+    if (depth_++ == 0) return true;  // its first key determines its type
     return open("{", [&] { return problem_.start_object(size); });
   }
   bool start_array(std::size_t size) {
@@ -409,7 +410,7 @@ Expected<JsonRequestParts> read_json_request(std::string_view text,
     return unexpected(failure(ErrorCode::invalid_argument, "is empty"));
   }
   RequestReader reader(text, members);
-  static_cast<void>(Json::sax_parse(text.begin(), text.end(), &reader));  // the reader knows of any fault
+  static_cast<void>(Json::sax_parse(text.begin(), text.end(), &reader));  // the reader records any error
   return std::move(reader).result();
 }
 

@@ -1,4 +1,4 @@
-// The text of a problem or a request, as parts whose sizes nobody has compared yet.
+// Reads the text of a problem or a request into parts whose sizes are not compared yet.
 #pragma once
 
 #include <cstdint>
@@ -35,8 +35,8 @@ struct JsonParts {
 #include "marble/contract.def"
 };
 
-/// One pass, no tree: memory is in proportion to the numbers of the known keys, however the text is nested.
-/// Checks types and that numbers are finite and sizes are sizes; errors name field and index.
+/// One pass without a tree: memory is proportional to the numbers of the known keys, at any nesting depth.
+/// Checks types, and that numbers are finite and sizes are valid; errors name field and index.
 [[nodiscard]] Expected<JsonParts> read_json_parts(std::string_view text);
 
 struct JsonRequestParts {
@@ -45,7 +45,7 @@ struct JsonRequestParts {
   std::string rest = "{";  ///< the other members, as one object
 };
 
-/// As parse_json_request() says; likewise in one pass.
+/// As described at parse_json_request(); also in one pass.
 [[nodiscard]] Expected<JsonRequestParts> read_json_request(std::string_view text,
                                                            std::span<const std::string_view> members);
 

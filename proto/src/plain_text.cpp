@@ -11,7 +11,7 @@ struct Range {
   char32_t first, last;
 };
 
-// Those of 16 bits: no other one steers what is around it.
+// Those of 16 bits: no others affect the text around them.
 constexpr Range kControls[] = {
     {0x00, 0x1f},     {0x7f, 0x9f},     {0xad, 0xad},     {0x61c, 0x61c},   {0x180e, 0x180e},
     {0x200b, 0x200f}, {0x2028, 0x202e}, {0x2060, 0x206f}, {0xfeff, 0xfeff}, {0xfff9, 0xfffb},
@@ -23,7 +23,7 @@ bool is_control(char32_t character) {
   });
 }
 
-// Bytes of a character by its first one; 0 if it begins none.
+// Returns the number of bytes of a character by its first byte; 0 if it begins none.
 std::size_t length_of(unsigned char first) {
   if (first < 0x80) return 1;
   if (first >= 0xc2 && first < 0xe0) return 2;
@@ -31,7 +31,7 @@ std::size_t length_of(unsigned char first) {
   return first >= 0xf0 && first < 0xf5 ? 4 : 0;
 }
 
-// Forms that are too long, halves of pairs and numbers beyond the last are no characters.
+// Overlong forms, surrogates and numbers beyond the last are no characters.
 bool is_character(char32_t number, std::size_t length) {
   constexpr char32_t kLeast[] = {0, 0, 0x80, 0x800, 0x10000};
   return number >= kLeast[length] && number <= 0x10ffff && (number < 0xd800 || number > 0xdfff);

@@ -14,17 +14,17 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using Wire = google::protobuf::internal::WireFormatLite;
 
-constexpr std::int64_t kBlockFields = 64;  // of a block, whose parts and coupling have 47
+constexpr std::int64_t kBlockFields = 64;  // fields of a block, whose parts and coupling have 47
 
 class FieldCounter {
  public:
   FieldCounter(google::protobuf::io::CodedInputStream& input, std::int64_t most)
       : input_(input), left_(most) {}
 
-  /// False when there are too many, or where the bytes end or are none that a parser takes.
+  /// False if there are too many, or if the bytes end early or cannot be parsed.
   bool count(const google::protobuf::Descriptor& type) {
     int last = 0, same = 0;  // how often in a row the last number came
-    int groups = 0;          // open: nothing in them is known, as the contract has none
+    int groups = 0;          // open groups: all their fields are unknown, as the contract has no groups
     while (const std::uint32_t tag = input_.ReadTag()) {
       const auto wire = Wire::GetTagWireType(tag);
       if (wire == Wire::WIRETYPE_END_GROUP) {
@@ -49,7 +49,7 @@ class FieldCounter {
   [[nodiscard]] const std::string& path() const { return path_; }
 
  private:
-  // Numbers go into an array; what is no number of its type is kept as a field that is not known.
+  // Numbers are stored in an array; anything that is no number of its type is kept as an unknown field.
   static bool is_array(const FieldDescriptor* field, Wire::WireType wire) {
     return field != nullptr && field->is_packable() &&
            (wire == Wire::WIRETYPE_LENGTH_DELIMITED ||

@@ -12,9 +12,9 @@
 namespace marble::server {
 namespace {
 
-constexpr Roles kCertificateRoles = {Role::solve, Role::observe};  // of a client that the file gives none
+constexpr Roles kCertificateRoles = {Role::solve, Role::observe};  // of a client without roles in the file
 
-// What a table says of the client: under its own name, or under the one in its certificate.
+// Returns a client's entry in a table: under its own name, or under the name in its certificate.
 template <class Value>
 const Value* find(const std::map<std::string, Value>& table, const std::string& client) {
   auto found = table.find(client);
@@ -30,7 +30,7 @@ Number or_none(Number limit) {
   return limit > 0 ? limit : std::numeric_limits<Number>::max();
 }
 
-// -1 stands for a quarter, so that no client alone can take all there is.
+// -1 stands for a quarter, so that no single client can use everything.
 int share_of(int whole, int limit) { return limit < 0 ? std::max(1, whole / 4) : or_none(limit); }
 
 Quota quota_of_settings(const Settings& settings) {
@@ -74,7 +74,7 @@ Expected<std::string> own_name(const std::string& name) {
 }  // namespace
 
 struct Access::Rules {
-  bool tokens_known = false, certificates_known = false;  // by either of which callers are told apart
+  bool tokens_known = false, certificates_known = false;  // how callers are identified
   std::vector<Token> tokens;
   std::map<std::string, Roles> roles;
   std::map<std::string, Quota> quotas;
@@ -105,7 +105,7 @@ Credentials credentials_of(const grpc::CallbackServerContext& context) {
   Credentials given{context.peer(), std::nullopt, certificate_name(context),
                     metadata(context, "marble-client")};
   if (const auto authorization = metadata(context, "authorization")) given.token = bearer_of(*authorization);
-  if (context.client_metadata().count("authorization") > 1) given.token = "";  // nobody says which one counts
+  if (context.client_metadata().count("authorization") > 1) given.token = "";  // which one applies is unclear
   return given;
 }
 
@@ -155,7 +155,7 @@ bool Access::is_known(const grpc::CallbackServerContext& context) const {
 }
 
 Expected<Identity> Access::identity_of(const Rules& rules, const Credentials& given) {
-  if (rules.tokens_known && given.token) {  // a wrong one is refused, whatever certificate is shown beside it
+  if (rules.tokens_known && given.token) {  // a wrong token is refused, even with a valid certificate
     if (const Token* token = find_token(rules.tokens, *given.token))
       return Identity{token->client, token->roles};
     return unexpected(unauthenticated("the token is not known"));

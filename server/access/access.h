@@ -1,4 +1,4 @@
-// Who may call, and what each caller may use.
+// Identifies callers, and determines what each may use.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -16,19 +16,19 @@
 
 namespace marble::server {
 
-/// What a call says of its caller.
+/// What a call contains about its caller.
 struct Credentials {
   std::string peer;                        ///< gRPC's address of it
-  std::optional<std::string> token;        ///< of "authorization: Bearer TOKEN"
+  std::optional<std::string> token;        ///< from "authorization: Bearer TOKEN"
   std::optional<std::string> certificate;  ///< name in its verified certificate
-  std::optional<std::string> name;         ///< of "marble-client: NAME"
+  std::optional<std::string> name;         ///< from "marble-client: NAME"
 };
 
-/// The token in the value of an authorization header; nothing if it is not a bearer's.
+/// Returns the token in the value of an authorization header; empty if it is not a bearer token.
 [[nodiscard]] std::optional<std::string> bearer_of(const std::string& authorization);
 
-/// The host of gRPC's peer: "ipv4:127.0.0.1:4711" → "127.0.0.1", "ipv6:%5B::1%5D:4711" → "::1". Without the
-/// port, which is another for every connection of the same client.
+/// Returns the host of gRPC's peer: "ipv4:127.0.0.1:4711" → "127.0.0.1", "ipv6:%5B::1%5D:4711" → "::1".
+/// Without the port, which differs for every connection of a client.
 [[nodiscard]] std::string host_of(const std::string& peer);
 
 [[nodiscard]] Credentials credentials_of(const grpc::CallbackServerContext& context);
@@ -38,25 +38,25 @@ class Access {
  public:
   explicit Access(const Config& config);
 
-  /// Puts tokens, roles and quotas of this configuration in force, for calls from now on.
+  /// Applies the tokens, roles and quotas of this configuration to calls from now on.
   void reload(const Config& config) ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// Who calls. Errors: unauthenticated; invalid_argument (a name that is none).
+  /// Identifies the caller. Errors: unauthenticated; invalid_argument (an invalid name).
   [[nodiscard]] Expected<Identity> identify(const grpc::CallbackServerContext& context) const;
   [[nodiscard]] Expected<Identity> identify(const Credentials& given) const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Whether identify() would tell, without counting who is turned away.
+  /// True if identify() would succeed; counts no refusal.
   [[nodiscard]] bool is_known(const grpc::CallbackServerContext& context) const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// The same for a call that needs a role. Errors: permission_denied too.
+  /// The same for a call that needs a role. Errors: also permission_denied.
   [[nodiscard]] Expected<Identity> require(const grpc::CallbackServerContext& context, Role role) const;
   [[nodiscard]] Expected<Identity> require(const Credentials& given, Role role) const;
-  /// Whether callers are told apart by tokens or certificates, and not by what they say.
+  /// True if callers are identified by tokens or certificates, not by the names they give.
   [[nodiscard]] bool knows_callers() const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Callers turned away so far.
+  /// Number of refused callers so far.
   struct Refused {
     std::int64_t unauthenticated = 0, permission_denied = 0;
   };
   [[nodiscard]] Refused refused() const { return {unauthenticated_, permission_denied_}; }
-  /// What the client may use.
+  /// Returns the client's quota.
   [[nodiscard]] Quota quota_of(const std::string& client) const ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:

@@ -1,4 +1,5 @@
-// The certificates that an address serves: the files' while they are good, else the last good ones.
+// The certificates that an address serves: those in the files while they are valid, else the last valid
+// ones.
 #pragma once
 
 #include <memory>
@@ -16,8 +17,8 @@ class CertificateKeeper {
   CertificateKeeper(const Settings& settings, const Log& log, std::string address)
       : settings_(settings), log_(log), address_(std::move(address)) {}
 
-  /// Reads the files and logs what has changed. The same pointer while nothing has; null until they were good
-  /// once.
+  /// Reads the files and logs changes. Returns the same pointer while nothing has changed; null until they
+  /// were valid once.
   [[nodiscard]] std::shared_ptr<const Certificates> look() ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:

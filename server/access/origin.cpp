@@ -7,7 +7,7 @@
 namespace marble::server {
 namespace {
 
-constexpr std::size_t kLongestState = 512;  // bytes; what the standard asks to pass on at least
+constexpr std::size_t kLongestState = 512;  // bytes; the minimum that the standard requires to pass on
 
 // Several headers are one list.
 std::string state_of(const grpc::CallbackServerContext& context) {
@@ -26,7 +26,7 @@ std::string state_of(const grpc::CallbackServerContext& context) {
 Origin origin_of(grpc::CallbackServerContext& context) {
   Origin origin{context.peer()};
   const auto [begin, end] = context.client_metadata().equal_range("traceparent");
-  if (begin == end || std::next(begin) != end) return origin;  // several are as good as none
+  if (begin == end || std::next(begin) != end) return origin;  // several are ignored
   origin.trace = parse_traceparent({begin->second.data(), begin->second.size()}, random_id());
   if (!origin.trace) return origin;
   context.AddInitialMetadata("traceparent", to_traceparent(*origin.trace));

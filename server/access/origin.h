@@ -1,4 +1,4 @@
-// Where a request comes from, as far as it is known yet: what log lines and traces say of it.
+// Where a request comes from, as far as it is known yet, for log lines and traces.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -17,8 +17,8 @@ struct Origin {
   std::optional<TraceContext> trace = {};  ///< if the client sent a valid `traceparent`
 };
 
-/// Takes up the client's trace, and tells it in the call's initial metadata where that goes on: `traceparent`
-/// with a span of the server's own, and `tracestate` as it came. Once a call, before anything is sent.
+/// Reads the client's trace, and returns its continuation in the call's initial metadata: `traceparent` with
+/// the server's own span, and `tracestate` unchanged. Called once per call, before anything is sent.
 [[nodiscard]] Origin origin_of(grpc::CallbackServerContext& context);
 
 }  // namespace marble::server

@@ -32,7 +32,7 @@ class Source {
     if (now == served_) return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_UNCHANGED;
     served_ = now;
     const grpc_ssl_pem_key_cert_pair pair = {now->key.c_str(), now->certificate.c_str()};
-    // gRPC insists on authorities of clients where it asks for no client's certificate too.
+    // gRPC requires authorities of clients even if it requests no client certificate.
     const std::string& roots = now->client_ca.empty() ? now->certificate : now->client_ca;
     *config = grpc_ssl_server_certificate_config_create(roots.c_str(), &pair, 1);
     return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_NEW;
@@ -55,8 +55,8 @@ grpc_ssl_client_certificate_request_type request_type(const Settings& settings) 
   return GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE;
 }
 
-/// grpc::experimental's file watcher would serve whatever the files hold, a key of another certificate too:
-/// this takes the core's fetcher, which keeps what it had.
+/// grpc::experimental's file watcher would serve any contents of the files, even a key of another
+/// certificate: this uses the core's fetcher, which keeps what it had.
 class TlsCredentials final : public grpc::ServerCredentials {
  public:
   TlsCredentials(const Settings& settings, const Log& log) : settings_(settings), log_(log) {}
@@ -65,7 +65,7 @@ class TlsCredentials final : public grpc::ServerCredentials {
 
  private:
   int AddPortToServer(const std::string& address, grpc_server* server) override {
-    // A source an address: gRPC asks for the first certificates of each.
+    // One source per address: gRPC asks for the first certificates of each.
     sources_.push_back(std::make_unique<Source>(settings_, log_, address));
     grpc_server_credentials* credentials = grpc_ssl_server_credentials_create_with_options(
         grpc_ssl_server_credentials_create_options_using_config_fetcher(

@@ -10,9 +10,9 @@
 
 namespace marble::server {
 
-/// Credentials that look at the certificate files before every handshake: renewed ones count from then on.
-/// Files that are no good are logged and leave the last good ones in force. Both arguments must outlive the
-/// server, and the credentials too: gRPC's do not.
+/// Returns credentials that read the certificate files before every handshake, so that renewed ones take
+/// effect at once. Invalid files are logged, and the last valid ones stay in use. Both arguments must
+/// outlive the server, and so must the credentials, unlike those of gRPC itself.
 [[nodiscard]] std::shared_ptr<grpc::ServerCredentials> tls_credentials(const Settings& settings,
                                                                        const Log& log);
 

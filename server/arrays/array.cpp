@@ -16,10 +16,10 @@
 namespace marble::server {
 namespace {
 
-constexpr std::size_t kAhead = 2;               // elements in the queue beside those that run
-constexpr std::int64_t kAnswerBytes = 128;      // that an answer takes besides its own
-constexpr std::int64_t kNewestBytes = 1 << 20;  // of the newest answers that stay in memory
-constexpr std::size_t kNewest = 64;             // how many
+constexpr std::size_t kAhead = 2;               // elements in the queue besides those that run
+constexpr std::int64_t kAnswerBytes = 128;      // memory of a result besides its message
+constexpr std::int64_t kNewestBytes = 1 << 20;  // bytes of the newest results that stay in memory
+constexpr std::size_t kNewest = 64;             // number of them
 
 Error deleted(const std::string& id) {
   return failure(ErrorCode::not_found, "job_id", id, "was deleted, and its answers with it");
@@ -47,7 +47,7 @@ struct Array::Run {
   std::int64_t index = 0;
   std::int64_t lost = 0;
   std::shared_ptr<JobRecord> record;
-  std::int64_t bytes = 0;  // of its request, once it was read
+  std::int64_t bytes = 0;  // bytes of its request, once it is read
 };
 
 class Array::Keeper final : public JobObserver {
@@ -96,7 +96,7 @@ void Array::start() {
   end_if_over();
 }
 
-// Elements that have stopped too many servers end without another start.
+// Elements during which too many servers died end without another start.
 void Array::set_aside_lost() {
   std::vector<OpenElement> aside;
   {
@@ -128,7 +128,7 @@ std::shared_ptr<Array::Run> Array::next() {
   if (from->empty()) return nullptr;
   const auto run = std::make_shared<Run>(Run{from->front().index, from->front().lost, nullptr, 0});
   from->pop_front();
-  running_[run->index] = nullptr;  // counted from here
+  running_[run->index] = nullptr;  // the element counts as running from here on
   return run;
 }
 
@@ -193,7 +193,7 @@ std::shared_ptr<Job> Array::job_of(const std::shared_ptr<Run>& run) {
   return job;
 }
 
-// The worker reads the request, so that what waits takes no memory for it.
+// The worker reads the request, so that waiting elements take no memory for it.
 Expected<Solution> Array::solve(Run& run, const std::weak_ptr<Job>& job, const SolveControls& controls) {
   const JobDescription& what = description();
   fault_point("job", element_id(what.request_id, run.index));
@@ -257,8 +257,8 @@ ElementAnswer Array::error_of(std::int64_t index, const Error& error) const {
           .message = message.SerializeAsString()};
 }
 
-// One answer of `unsettled_`. Where there is no room for it, or the store takes none of its size, an error is
-// kept instead.
+// Keeps one result of `unsettled_`. If there is no memory for it, or the store does not accept its size, an
+// error is kept instead.
 void Array::keep(ElementAnswer answer) {
   const auto size = static_cast<std::int64_t>(answer.message.size()) + kAnswerBytes;
   if (!parts_.results.grow(description().id, size) && answer.end != ElementEnd::failed) {
@@ -272,7 +272,7 @@ void Array::keep(ElementAnswer answer) {
         if (made) return self->kept(answer);
         if (made.error().code == ErrorCode::resource_exhausted)
           return self->keep(self->error_of(answer.index, made.error()));
-        const MutexLock lock(self->mutex_);  // the store is closed: it runs again with the next start
+        const MutexLock lock(self->mutex_);  // the store is closed: the element runs again after the restart
         --self->unsettled_;
         self->waiting_.push_back({answer.index, 0});
       });
@@ -290,7 +290,7 @@ void Array::kept(const ElementAnswer& answer) {
     const auto bytes = static_cast<std::int64_t>(answer.message.size());
     answer_bytes_ += bytes;
     ++last_sequence_;
-    if (store_.is_durable()) {  // which tells them in the order of their numbers
+    if (store_.is_durable()) {  // a durable store reports them in the order of their numbers
       newest_.push_back(answer);
       newest_.back().sequence = last_sequence_;
       newest_bytes_ += bytes;
@@ -342,7 +342,7 @@ void Array::end_if_over() {
     if (stage_ != Stage::open || waits || !running_.empty() || unsettled_ > 0) return;
     stage_ = Stage::ending;
     if (!waiting_.empty() || !suspects_.empty()) reason = end_;
-    end_ = reason;  // one that came after the last element has changed nothing
+    end_ = reason;  // a reason after the last element changes nothing
   }
   end(reason);
 }
@@ -353,7 +353,7 @@ void Array::end(const std::optional<Error>& reason) {
   record_->array_ended(reason, std::max(0.0, std::chrono::duration<double>(age).count()));
   parts_.board.finish(record_);
   log_array_end(parts_.log, *record_, reason);
-  std::shared_ptr<Scheduler::Place> place;  // whose end others hear of
+  std::shared_ptr<Scheduler::Place> place;  // its end notifies others
   {
     const MutexLock lock(mutex_);
     place.swap(place_);

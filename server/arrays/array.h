@@ -1,4 +1,4 @@
-// One array on its way: which elements wait, run and have ended, and who waits for their answers.
+// One array in progress: which elements wait, run and have ended, and who waits for their results.
 #pragma once
 
 #include <deque>
@@ -14,27 +14,27 @@
 
 namespace marble::server {
 
-/// What an array gives to who asks for its one answer.
+/// Returns the reply to a request for the single result of an array.
 [[nodiscard]] ResultStore::Result no_single_answer(const std::string& id);
 
-/// Who takes an array's answers.
+/// Receives an array's results.
 class ArrayListener {
  public:
   virtual ~ArrayListener() = default;
-  /// There are more, or it is over. On any thread, without a lock.
+  /// There are more results, or the array is over. Called on any thread, without a lock.
   virtual void news() = 0;
 };
 
-/// An element without an answer.
+/// An element without a result.
 struct OpenElement {
   std::int64_t index = 0;
-  std::int64_t lost = 0;  ///< starts whose server stopped meanwhile
+  std::int64_t lost = 0;  ///< starts during which the server died
 };
 
-/// What an array has when it is taken in, or taken up again.
+/// The state of an array when it is accepted or recovered.
 struct ArrayStart {
   std::shared_ptr<JobRecord> record = {};
-  std::shared_ptr<const ArraySetup> setup = {};  ///< null of one that is over
+  std::shared_ptr<const ArraySetup> setup = {};  ///< null for an array that is over
   std::shared_ptr<Scheduler::Place> place = {};  ///< likewise
   ArrayCounts counts = {};
   std::int64_t last_sequence = 0, answer_bytes = 0;
@@ -43,35 +43,35 @@ struct ArrayStart {
   bool is_over = false;
 };
 
-/// Elements go to the scheduler a few at a time, as others of them end: so an array of any length leaves the
-/// queue to others, and takes turns with them. Each element is answered once; an answer is told when it is
-/// kept, under a number in the order of that. Thread-safe.
+/// Elements enter the scheduler a few at a time, as others of them end, so an array of any length leaves the
+/// queue to other jobs and takes turns with them. Each element gets one result; a result is reported once it
+/// is kept, with a number in that order. Thread-safe.
 class Array final : public RoomWaiter, public std::enable_shared_from_this<Array> {
  public:
   Array(const ServiceParts& parts, ElementStore& store, OneSuspect& suspects, ArrayStart start);
 
-  /// Once it is on the board.
+  /// Called once it is on the board.
   void start() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] const JobDescription& description() const { return record_->description(); }
 
-  /// It ends: what runs with its best iterate, what waits without an answer.
+  /// Ends the array: running elements return their best iterate, waiting ones get no result.
   void cancel() ABSL_LOCKS_EXCLUDED(mutex_);
-  /// It is let go, and its answers.
+  /// The array and its results are dropped.
   void forgotten() ABSL_LOCKS_EXCLUDED(mutex_);
-  // The scheduler's, or another suspect's: there may be room.
+  // From the scheduler, or from another suspect: there may be capacity.
   void room() override { feed(); }
 
-  /// What there is to tell after an answer by this number.
+  /// The results after a given number.
   struct News {
     std::vector<ElementAnswer> answers;
-    bool is_over = false;           ///< there are no more after these
-    std::optional<Error> end = {};  ///< of one that is over: why before its last element
+    bool is_over = false;           ///< no more follow
+    std::optional<Error> end = {};  ///< set for an array that is over: why before its last element
   };
-  /// Errors: not_found (it was let go), unavailable (the store cannot be read).
+  /// Errors: not_found (it was dropped), unavailable (the store cannot be read).
   [[nodiscard]] Expected<News> news_after(std::int64_t sequence, std::int64_t most_bytes)
       ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] std::int64_t elements() const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Is told from now on.
+  /// Notifies the listener from now on.
   void listen(const std::weak_ptr<ArrayListener>& listener) ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
@@ -100,18 +100,18 @@ class Array final : public RoomWaiter, public std::enable_shared_from_this<Array
   ElementStore& store_;
   OneSuspect& one_suspect_;
   const std::shared_ptr<JobRecord> record_;
-  std::shared_ptr<const ArraySetup> setup_;  // until the last element has ended
+  std::shared_ptr<const ArraySetup> setup_;  // set until the last element has ended
   const std::size_t most_running_;
   mutable Mutex mutex_;
   std::shared_ptr<Scheduler::Place> place_ ABSL_GUARDED_BY(mutex_);
   std::deque<OpenElement> waiting_ ABSL_GUARDED_BY(mutex_);
-  std::deque<OpenElement> suspects_ ABSL_GUARDED_BY(mutex_);  // that ran when a server was killed
+  std::deque<OpenElement> suspects_ ABSL_GUARDED_BY(mutex_);  // those that ran when a server was killed
   std::map<std::int64_t, std::shared_ptr<Job>> running_ ABSL_GUARDED_BY(mutex_);  // or in the queue
-  int unsettled_ ABSL_GUARDED_BY(mutex_) = 0;  // answers on their way to the store
+  int unsettled_ ABSL_GUARDED_BY(mutex_) = 0;  // results on their way to the store
   ArrayCounts counts_ ABSL_GUARDED_BY(mutex_);
   std::int64_t last_sequence_ ABSL_GUARDED_BY(mutex_);
   std::int64_t answer_bytes_ ABSL_GUARDED_BY(mutex_);
-  std::deque<ElementAnswer> newest_ ABSL_GUARDED_BY(mutex_);  // answers: for who has all before them
+  std::deque<ElementAnswer> newest_ ABSL_GUARDED_BY(mutex_);  // results, for readers that have all others
   std::int64_t newest_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   std::optional<Error> end_ ABSL_GUARDED_BY(mutex_);
   Stage stage_ ABSL_GUARDED_BY(mutex_);

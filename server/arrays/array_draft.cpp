@@ -11,7 +11,7 @@
 namespace marble::server {
 namespace {
 
-constexpr std::int64_t kElementBytes = 64;    // that an element takes besides its own
+constexpr std::int64_t kElementBytes = 64;    // memory of an element besides its message
 constexpr std::int64_t kMostUnsettled = 256;  // elements on their way to the store
 constexpr std::int64_t kMostUnsettledBytes = 8 << 20;
 
@@ -35,7 +35,7 @@ ArrayDraft::ArrayDraft(Arrays& arrays, const Caller& caller, std::shared_ptr<con
       request_id_(setup_->record()->description().request_id),
       digest_(request_id_.empty() ? "" : digest_of(setup_bytes)) {}
 
-// What cannot be written is told at the end: until then others may be.
+// A failed write is reported at the end; until then other writes may succeed.
 void ArrayDraft::open(const std::string& setup_bytes) {
   if (is_repeated_) return;
   const JobDescription& what = setup_->record()->description();
@@ -116,13 +116,13 @@ void ArrayDraft::seal(std::int64_t elements, const Sealed& sealed) {
         [sealed, response = told(*id, elements_)](const Expected<void>& /*written*/) { sealed(response); });
   }
   if (!is_repeated_) return seal_new(sealed);
-  // The other was let go meanwhile, and this one was not kept.
+  // The other array was dropped meanwhile, and this one was not kept.
   arrays_.parts_.results.forget(id_);
   sealed(unexpected(
       failure(ErrorCode::unavailable, "the array of this request_id was let go just now: send it again")));
 }
 
-// Whoever hears of it finds it.
+// A client that gets the id finds the array.
 void ArrayDraft::seal_new(const Sealed& sealed) {
   arrays_.elements_.seal_array(
       id_, elements_, digest_, [self = shared_from_this(), sealed](const Expected<void>& made) {

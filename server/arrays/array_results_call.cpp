@@ -14,12 +14,12 @@ namespace {
 
 constexpr std::int64_t kPageBytes = 1 << 20;
 
-// The message, behind the field that it lacks: what is one after the other is one message.
+// The message, after the field that it lacks: concatenated encodings are one message.
 grpc::ByteBuffer told(const ElementAnswer& answer) {
   v1::ArrayResultsResponse first;
   first.set_sequence(answer.sequence);
   v1::ArrayResultsResponse rest;
-  // A row of the store may hold anything.
+  // A row of the store may contain anything.
   if (!rest.ParseFromString(answer.message) ||
       rest.outcome_case() == v1::ArrayResultsResponse::OUTCOME_NOT_SET) {
     first.set_index(answer.index);
@@ -85,7 +85,7 @@ Expected<void> ArrayResultsCall::start(grpc::CallbackServerContext& context,
   return {};
 }
 
-// Reads on, one thread at a time, when all that was read is told.
+// Reads on, one thread at a time, when everything read so far is sent.
 bool ArrayResultsCall::work() {
   std::int64_t from = 0;
   {
@@ -124,7 +124,7 @@ std::optional<grpc::Status> ArrayResultsCall::ending() {
   return end_;
 }
 
-// Answers of what a drain still finishes are told; then there is nothing to wait for.
+// Sends results that a drain still finishes; after that there is nothing to wait for.
 void ArrayResultsCall::pulse(Clock::time_point /*now*/) {
   if (!parts_.scheduler.is_drained() || !parts_.submissions->is_settled()) return;
   go_on();

@@ -8,8 +8,8 @@
 namespace marble::server {
 namespace {
 
-// Leaves the upper triangle of Q: of a full one nothing else is read in an update, and the mirror images
-// follow from it. Gives the entries that stay.
+// Keeps only the upper triangle of Q: an update of a full Q reads nothing else, and the mirrored entries
+// follow from it. Returns the entries that stay.
 std::vector<int> keep_upper(v1::Problem& problem) {
   std::vector<int> kept;
   if (problem.hessian_form() == v1::HESSIAN_FORM_UPPER_TRIANGLE) return kept;

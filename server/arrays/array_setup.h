@@ -1,4 +1,4 @@
-// What all elements of an array share, and what each then asks for.
+// What all elements of an array share, and the request of each element.
 #pragma once
 
 #include <memory>
@@ -19,14 +19,14 @@ class ArraySetup {
                                                                          const Caller& caller,
                                                                          v1::ArraySetup message);
 
-  /// The element as a request of its own, which is still to be checked. Error fields are paths from the
+  /// Returns the element as a separate request, which is not checked yet. Error fields are paths from the
   /// element's root. Errors: invalid_argument.
   [[nodiscard]] Expected<std::shared_ptr<v1::SolveRequest>> request(v1::ArrayElement element) const;
 
-  /// As it came, but for the entries of Q below the diagonal.
+  /// As received, without the entries of Q below the diagonal.
   [[nodiscard]] const v1::ArraySetup& message() const { return message_; }
   [[nodiscard]] const Options& options() const { return checked_.options; }
-  /// Of the array's job, which nobody sees yet.
+  /// Of the array's job, which no one sees yet.
   [[nodiscard]] const std::shared_ptr<JobRecord>& record() const { return checked_.record; }
 
  private:
@@ -35,10 +35,10 @@ class ArraySetup {
 
   v1::ArraySetup message_;
   const CheckedArray checked_;
-  std::vector<int> upper_;  // entries of Q in the order of the set-up that are not below the diagonal
+  std::vector<int> upper_;  // entries of Q that are not below the diagonal, in the order of the set-up
 };
 
-/// Why an element by this number is wrong, as the array's client is told.
+/// Returns the error of an element in the form for the array's client.
 [[nodiscard]] Error of_element(std::int64_t index, Error error);
 
 }  // namespace marble::server

@@ -14,7 +14,7 @@
 namespace marble::server {
 namespace {
 
-constexpr std::int64_t kMostElements = 10'000'000;  // that the setting array_elements allows
+constexpr std::int64_t kMostElements = 10'000'000;  // the maximum of the setting array_elements
 
 Error unreadable() { return failure(ErrorCode::internal, "the stored array cannot be read"); }
 
@@ -89,7 +89,7 @@ void Arrays::run(ArrayStart start) {
   if (!is_over) array->start();
 }
 
-// Rows may be lost or say anything: of the elements each is open or answered.
+// Rows may be missing or contain anything: each element is either open or has a result.
 Expected<bool> Arrays::read_elements(const std::string& id, std::int64_t elements, ArrayStart& start) {
   start.counts.elements = elements;
   std::vector<OpenElement> all(static_cast<std::size_t>(elements));
@@ -124,7 +124,7 @@ Expected<bool> Arrays::read_elements(const std::string& id, std::int64_t element
   return counted ? Expected<bool>(true) : unexpected(counted.error());
 }
 
-// It ends with this error. What cannot be read of it is not shown.
+// It ends with this error. Unreadable parts are not shown.
 void Arrays::take_up_broken(const StoredJob& stored, const Error& error) {
   JobDescription what = description_of(stored, {});
   what.kind = JobKind::array;

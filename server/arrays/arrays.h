@@ -1,4 +1,4 @@
-// All arrays of this server: those that come, run, or have answers that are kept.
+// All arrays of this server: those that are being received, run, or have results that are kept.
 #pragma once
 
 #include <map>
@@ -10,26 +10,26 @@
 
 namespace marble::server {
 
-/// What a call about arrays is told where there are none.
+/// Returns the status of a call about arrays where arrays are not supported.
 [[nodiscard]] grpc::Status no_arrays();
 
 /// Thread-safe.
 class Arrays final : public std::enable_shared_from_this<Arrays> {
  public:
-  /// In memory where there is no store. Is told from now on what the results let go.
+  /// In memory if there is no store. From now on it is notified of the results that are dropped.
   [[nodiscard]] static std::shared_ptr<Arrays> make(const ServiceParts& parts, JobStore* store);
 
-  /// An array that begins to come. Error fields are paths from the set-up's root. Errors: what admission
-  /// refuses; unavailable (draining, or the store cannot write).
+  /// Begins to receive an array. Error fields are paths from the set-up's root. Errors: those of admission;
+  /// unavailable (draining, or the store cannot write).
   [[nodiscard]] Expected<std::shared_ptr<ArrayDraft>> begin(const Caller& caller, v1::ArraySetup setup);
 
   /// Null if there is none by this id, or not any more.
   [[nodiscard]] std::shared_ptr<Array> find(const std::string& id) const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// It was let go, whatever it is.
+  /// A job of any kind was dropped.
   void forgotten(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// One that the store held at the start: its id is expected among the results already. Errors: unavailable
-  /// (the store cannot be read).
+  /// Recovers an array that the store had at the start: its id is expected among the results already.
+  /// Errors: unavailable (the store cannot be read).
   [[nodiscard]] Expected<void> take_up(const StoredJob& stored) ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Expected<void> take_up_answered(const StoredResult& stored,
                                                 const std::shared_ptr<JobRecord>& record)
@@ -41,7 +41,7 @@ class Arrays final : public std::enable_shared_from_this<Arrays> {
   friend class ArrayDraft;
   Arrays(const ServiceParts& parts, JobStore* store);
   void run(ArrayStart start) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// False if most of them are not there, or have numbers that nobody gave them.
+  /// False if most of them are missing, or have numbers that were never assigned.
   [[nodiscard]] Expected<bool> read_elements(const std::string& id, std::int64_t elements, ArrayStart& start);
   void take_up_broken(const StoredJob& stored, const Error& error);
 

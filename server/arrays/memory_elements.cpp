@@ -30,7 +30,7 @@ Expected<std::string> MemoryElements::element(const std::string& array, std::int
   return unexpected(failure(ErrorCode::not_found, "element", std::to_string(index), "is not kept any more"));
 }
 
-// Of an array that was forgotten meanwhile nothing is kept.
+// Nothing is kept for an array that was dropped meanwhile.
 void MemoryElements::answer_element(ElementAnswer answer, Settled settled) {
   {
     const MutexLock lock(mutex_);
@@ -61,7 +61,7 @@ Expected<std::vector<ElementAnswer>> MemoryElements::answers_after(const std::st
   return answers;
 }
 
-// What was not solved is not asked for any more.
+// Requests of elements that were not solved are not needed any more.
 void MemoryElements::finish(StoredResult result, Settled settled) {
   {
     const MutexLock lock(mutex_);

@@ -1,4 +1,4 @@
-// Elements of arrays and their answers in memory, where a server has no store.
+// Elements of arrays and their results in memory, for a server without a store.
 #pragma once
 
 #include <map>
@@ -8,7 +8,7 @@
 
 namespace marble::server {
 
-/// Everything is made at once. Thread-safe.
+/// Every change is done at once. Thread-safe.
 class MemoryElements final : public ElementStore {
  public:
   void open_array(StoredJob array, Settled settled) override ABSL_LOCKS_EXCLUDED(mutex_);
@@ -35,7 +35,7 @@ class MemoryElements final : public ElementStore {
  private:
   struct Kept {
     std::unordered_map<std::int64_t, std::string> requests;
-    std::vector<ElementAnswer> answers;  // in their order
+    std::vector<ElementAnswer> answers;  // in order
   };
   Mutex mutex_;
   std::map<std::string, Kept> arrays_ ABSL_GUARDED_BY(mutex_);

@@ -1,5 +1,5 @@
-// Of the jobs and elements of arrays that ran when a server was killed one runs at a time, so that the next
-// kill is the fault of one of them at most.
+// Of the jobs and elements of arrays that ran when a server was killed, one runs at a time, so that the next
+// kill is the fault of at most one of them.
 #pragma once
 
 #include <algorithm>
@@ -15,8 +15,8 @@ namespace marble::server {
 /// Thread-safe.
 class OneSuspect {
  public:
-  /// Whether none runs; then this one does until leave(). Else `waiter` is told once when it is worth asking
-  /// again.
+  /// True if none runs; this one then runs until leave(). Else `waiter` is notified once when a retry may
+  /// succeed.
   [[nodiscard]] bool enter(std::weak_ptr<RoomWaiter> waiter) ABSL_LOCKS_EXCLUDED(mutex_) {
     const MutexLock lock(mutex_);
     if (!runs_) return runs_ = true;

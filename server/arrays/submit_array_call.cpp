@@ -23,7 +23,7 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SubmitArrayCall::be
     return call.get();
   }
   call->caller_ = std::move(*caller);
-  call->caller_.deadline = Clock::time_point::max();  // the call's is not the array's
+  call->caller_.deadline = Clock::time_point::max();  // the call's deadline is not the array's
   parts.pulse.add(call);
   call->go_on();
   return call.get();
@@ -93,7 +93,7 @@ void SubmitArrayCall::refuse(const Error& error) {
     refused_ = error;
     draft.swap(draft_);
   }
-  if (draft != nullptr) draft->drop();  // before its client hears of it
+  if (draft != nullptr) draft->drop();  // before its client is notified
   note_refusal(parts_, caller_.origin, error);
 }
 

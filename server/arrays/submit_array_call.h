@@ -1,4 +1,4 @@
-// Takes an array in: its elements one by one, as fast as they are kept.
+// Receives an array, element by element, as fast as they are kept.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -11,8 +11,8 @@
 
 namespace marble::server {
 
-/// Owns itself until gRPC is done with it; what is on its way to the store owns it too. Served as a stream
-/// both ways, which is the same on the wire.
+/// Owns itself until gRPC is done with it; elements on their way to the store own it too. Served as a
+/// bidirectional stream, which looks the same on the wire.
 class SubmitArrayCall final
     : public StreamPump<SubmitArrayCall, grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
                         v1::SubmitArrayResponse>,
@@ -22,7 +22,7 @@ class SubmitArrayCall final
       const ServiceParts& parts, grpc::CallbackServerContext& context);
 
   void OnReadDone(bool ok) override { read_done(ok); }
-  // From the pulse: drain.
+  // From the timer: drain.
   void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
@@ -31,7 +31,7 @@ class SubmitArrayCall final
   [[nodiscard]] Expected<void> set_up(v1::ArraySetup setup) ABSL_LOCKS_EXCLUDED(mutex_);
   void seal(const std::shared_ptr<ArrayDraft>& draft, std::int64_t elements) ABSL_LOCKS_EXCLUDED(mutex_);
   void refuse(const Error& error) ABSL_LOCKS_EXCLUDED(mutex_);
-  // The pump's.
+  // From the pump.
   [[nodiscard]] bool may_read() const override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] bool next_event(v1::SubmitArrayResponse* event) override
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -42,7 +42,7 @@ class SubmitArrayCall final
   const ServiceParts& parts_;
   Caller caller_;
   std::shared_ptr<ArrayDraft> draft_ ABSL_GUARDED_BY(mutex_);
-  bool sealing_ ABSL_GUARDED_BY(mutex_) = false;  // the end has come
+  bool sealing_ ABSL_GUARDED_BY(mutex_) = false;  // the last message was received
   std::optional<v1::SubmitArrayResponse> answer_ ABSL_GUARDED_BY(mutex_);
   bool answered_ ABSL_GUARDED_BY(mutex_) = false;
   std::optional<Error> refused_ ABSL_GUARDED_BY(mutex_);

@@ -26,7 +26,7 @@ class Descriptor {
   /// Negative if there is none.
   [[nodiscard]] int get() const { return number_; }
   [[nodiscard]] explicit operator bool() const { return number_ >= 0; }
-  /// The caller's to close from now on.
+  /// The caller must close it from now on.
   [[nodiscard]] int release() { return std::exchange(number_, -1); }
   void reset() {
     if (number_ >= 0) close(std::exchange(number_, -1));

@@ -1,4 +1,4 @@
-// Who a call comes from, and what it may do.
+// The caller of a request, and its roles.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@ constexpr std::array<const char*, 3> kRoleNames = {"solve", "observe", "admin"};
 [[nodiscard]] constexpr const char* to_string(Role role) {
   return kRoleNames[static_cast<std::size_t>(role)];
 }
-/// The role of that name. Errors: invalid_argument, field "roles".
+/// Returns the role of that name. Errors: invalid_argument, field "roles".
 [[nodiscard]] Expected<Role> role_of(std::string_view name);
 
 /// A set of roles.
@@ -31,7 +31,7 @@ class Roles {
   [[nodiscard]] constexpr bool has(Role role) const { return (bits_ & bit(role)) != 0; }
   constexpr void add(Role role) { bits_ |= bit(role); }
   [[nodiscard]] static constexpr Roles all() { return {Role::solve, Role::observe, Role::admin}; }
-  /// Their names, in the order of Role.
+  /// Returns their names, in the order of Role.
   [[nodiscard]] std::vector<std::string> names() const;
 
  private:
@@ -39,11 +39,12 @@ class Roles {
   unsigned bits_ = 0;
 };
 
-/// Before the name in a client's certificate: whoever signs certificates names nobody who has a token.
+/// Prefix of the name in a client's certificate, so that no signer of certificates can use the name of a
+/// token.
 constexpr std::string_view kCertificatePrefix = "cert:";
 
 struct Identity {
-  std::string client;  ///< name of its token or certificate, else the one it gave itself, else its address
+  std::string client;  ///< name of its token or certificate, else the name that it gives, else its address
   Roles roles;
 };
 

@@ -1,4 +1,4 @@
-// How much was answered in the last minute, in buckets of a second. No threads, no clock.
+// Number of results in the last minute, in buckets of one second. No threads, no clock.
 #pragma once
 
 #include <array>
@@ -11,10 +11,10 @@ class LastMinute {
  public:
   using Time = std::chrono::steady_clock::time_point;
   struct Sum {
-    std::int64_t answered = 0, solved = 0;  ///< solved: of the answered
+    std::int64_t answered = 0, solved = 0;  ///< solved: those among the answered
   };
 
-  /// One answer. Time does not go back.
+  /// Adds one result. Time does not go back.
   void add(Time now, bool solved) {
     Bucket& bucket = buckets_[place_of(second_of(now))];
     if (bucket.second != second_of(now)) bucket = {second_of(now), {}};

@@ -1,4 +1,4 @@
-// Whose turn it is: the three priorities, highest first.
+// The three priorities of jobs, highest first.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +12,7 @@ enum class Priority { realtime, interactive, batch };
 constexpr std::size_t kPriorities = 3;
 constexpr std::array<const char*, kPriorities> kPriorityNames = {"realtime", "interactive", "batch"};
 
-/// The nearest class: stored numbers may be anything.
+/// Returns the nearest class, because stored numbers may have any value.
 [[nodiscard]] constexpr Priority priority_of(std::int64_t number) {
   return static_cast<Priority>(std::clamp<std::int64_t>(number, 0, kPriorities - 1));
 }

@@ -1,4 +1,4 @@
-// Ids that nobody guesses and that no two things share.
+// Random ids that cannot be guessed and do not collide.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// Why requests are refused, as a bounded set of reasons: the limit that was reached, else the error's code.
+// The reasons for refusing a request, as a bounded set: the limit that was reached, else the error's code.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace marble::server {
 
-/// What refuses with resource_exhausted, as its error names it: settings, and a job's own deadline.
+/// Limits that refuse with resource_exhausted, by the name in the error: settings, and a job's own deadline.
 constexpr std::array kRefusingLimits = {"queue_jobs", "queue_bytes",     "client_queued", "client_bytes",
                                         "sessions",   "client_sessions", "session_bytes", "deadline"};
 constexpr std::size_t kRefusalReasons =
@@ -24,7 +24,7 @@ constexpr std::size_t kRefusalReasons =
   return kRefusingLimits.size() + static_cast<std::size_t>(error.code);
 }
 
-/// What is told where a server that stops takes nothing more.
+/// Returns the error for requests to a server that stops.
 [[nodiscard]] inline Error draining(const char* advice = "retry elsewhere") {
   return failure(ErrorCode::unavailable, std::string("the server is draining; ") + advice);
 }

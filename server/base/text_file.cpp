@@ -18,7 +18,7 @@ Expected<std::string> read_text_file(const std::string& path) {
   char buffer[4096];
   while (const std::size_t count = std::fread(buffer, 1, sizeof buffer, file.get()))
     content.append(buffer, count);
-  if (std::ferror(file.get()) != 0) return failed();  // a directory, say
+  if (std::ferror(file.get()) != 0) return failed();  // for example a directory
   return content;
 }
 

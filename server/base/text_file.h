@@ -1,4 +1,4 @@
-// Small files read whole.
+// Reads small files as a whole.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace marble::server {
 
-/// The file's bytes. Errors: not_found, with the path as value and the system's reason as bound.
+/// Returns the file's bytes. Errors: not_found, with the path as value and the system's reason as bound.
 [[nodiscard]] Expected<std::string> read_text_file(const std::string& path);
 
 }  // namespace marble::server

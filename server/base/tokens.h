@@ -1,6 +1,6 @@
-// Bearer tokens: a file of salted hashes, never the tokens themselves. One a line:
+// Bearer tokens: a file of salted hashes, never the tokens themselves. One per line:
 //   NAME ROLE[,ROLE...] sha256:SALT:HASH        salt and SHA-256(salt, token) in hexadecimal digits
-// Empty lines and lines that begin with # are left out. A name may have several tokens.
+// Empty lines and lines that begin with # are ignored. A name may have several tokens.
 #pragma once
 
 #include <string>
@@ -24,15 +24,15 @@ struct LineFault {
   Error error;
 };
 
-/// The tokens of a file's text. Faults quote nothing of it: what is out of place may be a secret.
+/// Returns the tokens of a file's text. Errors quote none of it: misplaced text may be a secret.
 [[nodiscard]] std::vector<Token> parse_tokens(const std::string& text, std::vector<LineFault>& faults);
 
-/// The token whose secret this is, else null. Takes as long whichever it is, and if it is none.
+/// Returns the token with this secret, else null. Takes the same time for every token, and if there is none.
 [[nodiscard]] const Token* find_token(const std::vector<Token>& tokens, std::string_view secret);
 
 struct NewToken {
   std::string secret;  ///< 256 random bits as hexadecimal digits
-  std::string line;    ///< for the file
+  std::string line;    ///< line for the file
 };
 
 /// Makes a token. `name_and_roles` is "NAME:ROLE[,ROLE...]".

@@ -7,7 +7,7 @@
 namespace marble::server {
 namespace {
 
-constexpr std::size_t kLength = 55;  // of version 00: 2-32-16-2 digits
+constexpr std::size_t kLength = 55;  // length in version 00: 2-32-16-2 digits
 constexpr std::uint8_t kKnownFlags = 0x03;
 
 bool is_hex(std::string_view text) {

@@ -10,9 +10,9 @@
 namespace marble::server {
 namespace {
 
-constexpr std::size_t kPiece = 1 << 20;  // bytes; as the contract has it
+constexpr std::size_t kPiece = 1 << 20;  // bytes; as specified by the contract
 
-// The next piece of `all`, of which `told` bytes were.
+// Returns the next piece of `all`, of which `told` bytes were sent.
 std::string next_piece(const std::string& all, std::size_t& told, std::size_t most) {
   std::string piece = all.substr(told, most);
   told += piece.size();
@@ -56,8 +56,8 @@ void BundleCall::gathered(const Expected<GatheredBundle>& bundle) {
   go_on();
 }
 
-// The place is given back as soon as the client is too slow. The reason goes behind the piece on its way; who
-// does not take that either is cut off.
+// The place is released as soon as the client is too slow. The error follows the piece in transit; a client
+// that does not read that either is disconnected.
 void BundleCall::pulse(Clock::time_point now) {
   bool cuts = false;
   {

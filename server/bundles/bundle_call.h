@@ -1,4 +1,4 @@
-// A submitted job as a replay bundle, in pieces: together they may be larger than a message.
+// Sends a submitted job as a replay bundle, in pieces, because it may be larger than a message.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -10,7 +10,8 @@
 
 namespace marble::server {
 
-/// Owns itself until gRPC is done with it; whoever gathers the bundle owns it too, until it is there.
+/// Owns itself until gRPC is done with it; the code that gathers the bundle owns it too, until the bundle is
+/// complete.
 class BundleCall final
     : public StreamPump<BundleCall, grpc::ServerWriteReactor<grpc::ByteBuffer>, v1::JobBundleResponse>,
       public Pulsed {
@@ -19,7 +20,7 @@ class BundleCall final
                                                            grpc::CallbackServerContext& context,
                                                            const grpc::ByteBuffer* request);
 
-  // From the pulse: a drain, a client that takes nothing.
+  // From the timer: a drain, or a client that reads nothing.
   void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
@@ -27,7 +28,7 @@ class BundleCall final
       : parts_(parts), context_(context) {}
   [[nodiscard]] Expected<void> start(const grpc::ByteBuffer* request) ABSL_LOCKS_EXCLUDED(mutex_);
   void gathered(const Expected<GatheredBundle>& bundle) ABSL_LOCKS_EXCLUDED(mutex_);
-  // The pump's.
+  // From the pump.
   [[nodiscard]] bool next_event(v1::JobBundleResponse* event) override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] std::optional<grpc::Status> ending() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
@@ -35,10 +36,10 @@ class BundleCall final
   grpc::CallbackServerContext& context_;
   GatheredBundle bundle_ ABSL_GUARDED_BY(mutex_);
   std::optional<Error> fault_ ABSL_GUARDED_BY(mutex_);
-  Clock::time_point piece_since_ ABSL_GUARDED_BY(mutex_);  // the newest one is on its way
+  Clock::time_point piece_since_ ABSL_GUARDED_BY(mutex_);  // start of the newest piece's transmission
   bool began_ ABSL_GUARDED_BY(mutex_) = false;
-  std::size_t requested_ ABSL_GUARDED_BY(mutex_) = 0;  // bytes that were told, of the request
-  std::size_t answered_ ABSL_GUARDED_BY(mutex_) = 0;   // of the answer
+  std::size_t requested_ ABSL_GUARDED_BY(mutex_) = 0;  // bytes of the request that were sent
+  std::size_t answered_ ABSL_GUARDED_BY(mutex_) = 0;   // of the result
 };
 
 }  // namespace marble::server

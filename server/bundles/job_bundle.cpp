@@ -23,7 +23,7 @@ Expected<void> check_access(const ServiceParts& parts, const Identity& caller, c
                             "is another client's job; its problem is for that client and the role admin"));
 }
 
-// One that is counted for this client until it is let go.
+// Returns a bundle that counts for this client until it is released.
 Expected<std::shared_ptr<Bundle>> counted_bundle(const ServiceParts& parts, const std::string& client) {
   const auto limit = parts.bundles;
   if (auto entered = limit->enter(client, parts.access.quota_of(client).bundles); !entered)
@@ -47,7 +47,7 @@ void gather_bundle(const ServiceParts& parts, const Identity& caller, const std:
   v1::GetJobResponse* job = bundle->facts.mutable_job();
   if (record != nullptr) {
     to_message(*record, job);
-  } else {  // the board has forgotten it, its answer is there
+  } else {  // the board has dropped it, but its result exists
     job->mutable_job()->set_job_id(id);
     job->mutable_job()->set_state(v1::JOB_STATE_FINISHED);
   }

@@ -8,7 +8,7 @@
 
 namespace marble::server {
 
-// Waits for one of the jobs.
+// The observer of one of the jobs.
 class BatchCall::Item final : public JobObserver {
  public:
   Item(std::shared_ptr<BatchCall> call, std::shared_ptr<JobRecord> record, std::int64_t tag)
@@ -45,7 +45,7 @@ void BatchCall::received(grpc::ByteBuffer* message) {
     if (!end_) end_ = parsed.error();
     return;
   }
-  (void)request.mutable_solve();  // an absent one is an empty one, and refused as such
+  (void)request.mutable_solve();  // a missing problem counts as an empty one, which is refused
   const std::string request_id = request.solve().request_id();
   auto job = make_job(parts_, caller_, JobKind::batch,
                       std::shared_ptr<const v1::SolveRequest>(request.release_solve()));
@@ -54,12 +54,12 @@ void BatchCall::received(grpc::ByteBuffer* message) {
   take(*job, request.tag());
 }
 
-// A new problem: admitted, or held until there is room.
+// A new problem: admitted, or held until there is capacity.
 void BatchCall::take(const std::shared_ptr<Job>& job, std::int64_t tag) {
   {
     const MutexLock lock(mutex_);
     if (broken() || end_) {
-      job->observer = nullptr;  // it holds the call
+      job->observer = nullptr;  // the observer owns the call
       return;
     }
     jobs_.emplace(job->record.get(), job);
@@ -70,7 +70,7 @@ void BatchCall::take(const std::shared_ptr<Job>& job, std::int64_t tag) {
   admit(job, tag);
 }
 
-// By one thread at a time: when room comes while it asks, it asks again.
+// By one thread at a time: if capacity becomes free meanwhile, it tries again.
 void BatchCall::admit(const std::shared_ptr<Job>& job, std::int64_t tag) {
   while (true) {
     const auto place = parts_.scheduler.admit(job, self_);

@@ -1,4 +1,4 @@
-// Many independent problems on one stream: reads while there is room, answers as they finish.
+// Many independent problems on one stream: reads while there is capacity, and sends results as they finish.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -14,8 +14,9 @@
 
 namespace marble::server {
 
-/// Owns itself until gRPC is done with it; its jobs own it too, until they have finished. What waits, runs or
-/// is on its way back is bounded: beyond that it does not read, and HTTP/2 slows the client.
+/// Owns itself until gRPC is done with it; its jobs own it too, until they have finished. The number of
+/// problems that wait, run or have unsent results is bounded: beyond it the call does not read, and HTTP/2
+/// slows the client.
 class BatchCall final
     : public StreamPump<BatchCall, grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
                         grpc::ByteBuffer>,
@@ -28,7 +29,7 @@ class BatchCall final
   void OnReadDone(bool ok) override { read_done(ok); }
   // From the scheduler.
   void room() override ABSL_LOCKS_EXCLUDED(mutex_);
-  // From the pulse: drain.
+  // From the timer: drain.
   void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
@@ -40,7 +41,7 @@ class BatchCall final
   void answer(std::int64_t tag, const JobRecord& record, const Outcome& outcome) ABSL_LOCKS_EXCLUDED(mutex_);
   void refuse(std::int64_t tag, const std::string& request_id, const Error& error)
       ABSL_LOCKS_EXCLUDED(mutex_);
-  // The pump's.
+  // From the pump.
   [[nodiscard]] bool may_read() const override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] bool next_event(grpc::ByteBuffer* event) override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] std::optional<grpc::Status> ending() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -55,12 +56,12 @@ class BatchCall final
     std::shared_ptr<Job> job;
     std::int64_t tag;
   };
-  std::optional<Held> held_ ABSL_GUARDED_BY(mutex_);  // read, and waits for room in the queue
-  bool admitting_ ABSL_GUARDED_BY(mutex_) = false;    // a thread asks the scheduler to take it
-  bool room_ ABSL_GUARDED_BY(mutex_) = false;         // there may have come room while it asked
+  std::optional<Held> held_ ABSL_GUARDED_BY(mutex_);  // was read, and waits for capacity in the queue
+  bool admitting_ ABSL_GUARDED_BY(mutex_) = false;    // a thread is asking the scheduler to take it
+  bool room_ ABSL_GUARDED_BY(mutex_) = false;         // capacity may have become free meanwhile
   std::unordered_map<const JobRecord*, std::shared_ptr<Job>> jobs_ ABSL_GUARDED_BY(mutex_);  // admitted
-  std::deque<grpc::ByteBuffer> answers_ ABSL_GUARDED_BY(mutex_);                             // to be told
-  std::optional<Error> end_ ABSL_GUARDED_BY(mutex_);  // why it ends, unless the client closed it
+  std::deque<grpc::ByteBuffer> answers_ ABSL_GUARDED_BY(mutex_);                             // not sent yet
+  std::optional<Error> end_ ABSL_GUARDED_BY(mutex_);  // why the call ends, unless the client closed it
 };
 
 }  // namespace marble::server

@@ -14,14 +14,14 @@
 namespace marble::server {
 namespace {
 
-// What is known here of the job that a request names, or of all, is brought up to date first. A request that
-// cannot be read ends here: whoever reads it once more has protobuf tell so once more.
+// First refreshes this server's state of the job that a request names, or of all jobs. A request that cannot
+// be parsed ends here: each further parse would make protobuf log the same error again.
 template <class Request>
 void look_at(const ServiceParts& parts, const grpc::ByteBuffer& bytes, Settled then) {
   std::string id;
   if constexpr (requires(Request request) { request.job_id(); }) {
     Request request;
-    const grpc::ByteBuffer copy(bytes);  // reading takes a buffer's bytes out of it
+    const grpc::ByteBuffer copy(bytes);  // reading removes a buffer's bytes
     if (auto parsed = parse(&copy, &request); !parsed) return then(parsed);
     id = request.job_id();
   }
@@ -78,7 +78,7 @@ grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* conte
   const auto who = [&](Origin& origin) -> Expected<Caller> {
     auto caller = caller_of(parts_, *context, origin, Role::solve);
     if (!caller) return told(origin, caller.error());
-    caller->deadline = Clock::time_point::max();  // the call's is not the job's
+    caller->deadline = Clock::time_point::max();  // the call's deadline is not the job's
     return caller;
   };
   const auto handle = [&](const Caller& caller, v1::SolveRequest& parsed, v1::SubmitResponse* out,

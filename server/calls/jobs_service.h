@@ -1,4 +1,4 @@
-// marble.v1.Jobs on gRPC's callback API: jobs by their ids.
+// The service marble.v1.Jobs on gRPC's callback API: jobs by their ids.
 #pragma once
 
 #include "marble/v1/service.grpc.pb.h"
@@ -14,7 +14,7 @@ using JobsRawService = v1::Jobs::WithRawCallbackMethod_Submit<
                 v1::Jobs::WithRawCallbackMethod_Bundle<v1::Jobs::WithRawCallbackMethod_SubmitArray<
                     v1::Jobs::WithRawCallbackMethod_ArrayResults<v1::Jobs::Service>>>>>>>>>>;
 
-/// The methods take and give bytes; see wire.h.
+/// The methods read and write bytes; see wire.h.
 class JobsService final : public JobsRawService {
  public:
   explicit JobsService(const ServiceParts& parts);

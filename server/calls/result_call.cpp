@@ -34,7 +34,7 @@ Expected<void> ResultCall::wait(grpc::CallbackServerContext& context, const grpc
   if (parts_.submissions->arrays() != nullptr && parts_.submissions->arrays()->find(id_) != nullptr)
     return unexpected(no_single_answer(id_).answer.error());
   const auto record = parts_.board.find(id_);
-  // One that has just finished has its answer in a moment.
+  // A job that has just finished has its result in a moment.
   const bool over = record == nullptr || record->is_finished() || parts_.results.get(id_) != nullptr;
   if (!message.wait() && !over) {
     return unexpected(
@@ -67,7 +67,7 @@ void ResultCall::OnCancel() {
 
 void ResultCall::OnDone() { const auto last = std::move(self_); }
 
-// Answers of the jobs that a drain still finishes are given; then there is nothing to wait for.
+// Sends results of the jobs that a drain still finishes; after that there is nothing to wait for.
 void ResultCall::pulse(Clock::time_point /*now*/) {
   if (!parts_.scheduler.is_drained() || finished_) return;
   if (!parts_.submissions->is_settled()) return;

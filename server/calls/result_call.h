@@ -1,4 +1,4 @@
-// Waits for the answer of a submitted job.
+// Waits for the result of a submitted job.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -10,7 +10,8 @@
 
 namespace marble::server {
 
-/// Owns itself until gRPC is done with it; whoever has the answer may own it too, until it is there.
+/// Owns itself until gRPC is done with it; the store that will call it back owns it too, until the result
+/// exists.
 class ResultCall final : public grpc::ServerUnaryReactor, public Pulsed {
  public:
   static grpc::ServerUnaryReactor* begin(const ServiceParts& parts, grpc::CallbackServerContext& context,
@@ -19,7 +20,7 @@ class ResultCall final : public grpc::ServerUnaryReactor, public Pulsed {
   // From gRPC.
   void OnCancel() override;
   void OnDone() override;
-  // From the pulse: drain.
+  // From the timer: drain.
   void pulse(Clock::time_point now) override;
 
  private:

@@ -1,4 +1,4 @@
-// One unary solve.
+// The unary RPC that solves one problem.
 #pragma once
 
 #include <grpcpp/server_context.h>

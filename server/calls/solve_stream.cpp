@@ -37,7 +37,7 @@ Expected<void> SolveStreamCall::admit(const grpc::ByteBuffer* bytes,
     return valid;
   progress_interval_s_ = request.progress_interval_s();
   iterate_every_ = request.iterate_every();
-  (void)request.mutable_solve();  // an absent one is an empty one, and refused as such
+  (void)request.mutable_solve();  // a missing problem counts as an empty one, which is refused
   if (made.has != nullptr && !(request.solve().*made.has)())
     return unexpected(invalid(std::string("solve.") + made.of, "must be there"));
   auto job = make_job(parts_, *caller, JobKind::solve,
@@ -98,7 +98,7 @@ void SolveStreamCall::gone() {
 
 void SolveStreamCall::pulse(Clock::time_point /*now*/) { go_on(); }
 
-// A worker may take the job, and even finish it, before its place is known: nothing goes out before
+// A worker may take the job, and even finish it, before its place is known: nothing is sent before
 // "accepted".
 bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
   if (!admitted_) return false;
@@ -147,7 +147,7 @@ bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
 
 std::optional<grpc::Status> SolveStreamCall::ending() {
   if (!admitted_ || !over_) return std::nullopt;
-  const bool untold = outcome_ && !outcome_->solution;  // nobody reads any more
+  const bool untold = outcome_ && !outcome_->solution;  // the client no longer reads
   return untold ? to_status(outcome_->solution.error(), outcome_->retry_delay_s) : status_;
 }
 

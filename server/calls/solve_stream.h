@@ -1,4 +1,4 @@
-// One streamed solve: accepted → started → progress … → result, with one write in flight.
+// A streamed solve: accepted → started → progress … → result, with one write in progress.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -23,7 +23,7 @@ class SolveStreamCall final
       public ProgressSink,
       public Pulsed {
  public:
-  /// What makes a request one of many problems, for a method that is for these alone.
+  /// The field that a request of many problems must have, for a method that takes only such requests.
   struct Made {
     const char* of = nullptr;  ///< the field of SolveRequest
     bool (v1::SolveRequest::*has)() const = nullptr;
@@ -40,7 +40,7 @@ class SolveStreamCall final
   ProgressSink* progress() override { return this; }
   void report(const Progress& progress) override ABSL_LOCKS_EXCLUDED(mutex_);
   void finished(Outcome outcome) override ABSL_LOCKS_EXCLUDED(mutex_);
-  // From the pulse: rows that wait for others.
+  // From the timer: rows that wait for others.
   void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
@@ -48,7 +48,7 @@ class SolveStreamCall final
   [[nodiscard]] Expected<void> admit(const grpc::ByteBuffer* bytes,
                                      const grpc::CallbackServerContext& context, Origin& origin, Made made)
       ABSL_LOCKS_EXCLUDED(mutex_);
-  // The pump's.
+  // From the pump.
   [[nodiscard]] bool next_event(v1::SolveStreamResponse* event) override
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] std::optional<grpc::Status> ending() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -59,19 +59,19 @@ class SolveStreamCall final
   int iterate_every_ = 0;
   std::shared_ptr<Job> job_;
   ProgressSlot slot_;
-  double last_progress_s_ = -1.0;  // worker only
+  double last_progress_s_ = -1.0;  // used by the worker only
 
   std::size_t told_levels_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::deque<ScenarioLevel> levels_ ABSL_GUARDED_BY(mutex_);  // to be told
+  std::deque<ScenarioLevel> levels_ ABSL_GUARDED_BY(mutex_);  // not sent yet
   bool admitted_ ABSL_GUARDED_BY(mutex_) = false;             // its place is known
-  bool accepted_ ABSL_GUARDED_BY(mutex_) = false;             // was told
-  bool started_ ABSL_GUARDED_BY(mutex_) = false;              // a worker has it: places are old
-  QueuePlace told_place_ ABSL_GUARDED_BY(mutex_);             // the newest that was told
-  std::optional<QueuePlace> place_ ABSL_GUARDED_BY(mutex_);   // accepted or moved, to be told
-  std::optional<double> queue_s_ ABSL_GUARDED_BY(mutex_);     // started, to be told
-  std::optional<Outcome> outcome_ ABSL_GUARDED_BY(mutex_);    // finished, to be told
+  bool accepted_ ABSL_GUARDED_BY(mutex_) = false;             // was sent
+  bool started_ ABSL_GUARDED_BY(mutex_) = false;              // a worker runs the job: its place is outdated
+  QueuePlace told_place_ ABSL_GUARDED_BY(mutex_);             // the newest place that was sent
+  std::optional<QueuePlace> place_ ABSL_GUARDED_BY(mutex_);   // accepted or moved, not sent yet
+  std::optional<double> queue_s_ ABSL_GUARDED_BY(mutex_);     // started, not sent yet
+  std::optional<Outcome> outcome_ ABSL_GUARDED_BY(mutex_);    // finished, not sent yet
   grpc::Status status_ ABSL_GUARDED_BY(mutex_);               // of a job that has finished
-  bool over_ ABSL_GUARDED_BY(mutex_) = false;                 // it has
+  bool over_ ABSL_GUARDED_BY(mutex_) = false;                 // the job has finished
 };
 
 }  // namespace marble::server

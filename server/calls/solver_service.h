@@ -1,4 +1,4 @@
-// marble.v1.Solver on gRPC's callback API.
+// The service marble.v1.Solver on gRPC's callback API.
 #pragma once
 
 #include "marble/v1/service.grpc.pb.h"
@@ -11,7 +11,7 @@ using SolverRawService = v1::Solver::WithRawCallbackMethod_Solve<
         v1::Solver::WithRawCallbackMethod_SolveCoupled<v1::Solver::WithRawCallbackMethod_SolveBatch<
             v1::Solver::WithRawCallbackMethod_Session<v1::Solver::Service>>>>>>;
 
-/// The methods take and give bytes; see wire.h.
+/// The methods read and write bytes; see wire.h.
 class SolverService final : public SolverRawService {
  public:
   explicit SolverService(const ServiceParts& parts);

@@ -17,7 +17,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchCall::begin(const ServiceParts&
     call->end_at_once(to_status(started.error(), parts.scheduler.retry_delay_s()));
     return call.get();
   }
-  call->StartSendInitialMetadata();  // whoever waits for it misses nothing that happens from then on
+  call->StartSendInitialMetadata();  // a client that waits for it misses no later event
   parts.pulse.add(call);
   call->go_on();
   return call.get();
@@ -44,7 +44,7 @@ bool WatchCall::next_event(v1::WatchJobsResponse* event) {
   return feed_->next(event);
 }
 
-// Where there is nothing new now, the pulse looks again.
+// If there is nothing new now, the timer checks again.
 bool WatchCall::wrote() { return feed_->is_over() || feed_->has_more(); }
 
 std::optional<grpc::Status> WatchCall::ending() {

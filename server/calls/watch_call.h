@@ -1,4 +1,5 @@
-// Live events of one job or of all, as fast as the reader takes them and no faster than the pulse.
+// Streams live events of one job or of all jobs, as fast as the client reads them and at most once per timer
+// tick.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -19,21 +20,21 @@ class WatchCall final
                                                            grpc::CallbackServerContext& context,
                                                            const grpc::ByteBuffer* request);
 
-  // From the pulse.
+  // From the timer.
   void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   explicit WatchCall(const ServiceParts& parts) : parts_(parts) {}
   [[nodiscard]] Expected<void> start(grpc::CallbackServerContext& context, const grpc::ByteBuffer* request)
       ABSL_LOCKS_EXCLUDED(mutex_);
-  // The pump's.
+  // From the pump.
   [[nodiscard]] bool next_event(v1::WatchJobsResponse* event) override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] std::optional<grpc::Status> ending() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] bool wrote() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const ServiceParts& parts_;
   std::unique_ptr<JobFeed> feed_ ABSL_GUARDED_BY(mutex_);
-  bool drained_ ABSL_GUARDED_BY(mutex_) = false;  // before the last look at the feed
+  bool drained_ ABSL_GUARDED_BY(mutex_) = false;  // state before the last read of the feed
 };
 
 }  // namespace marble::server

@@ -16,9 +16,9 @@ namespace {
 
 using std::chrono::steady_clock;
 
-// Dense algebra of an iteration takes the cube of these.
-constexpr std::int64_t kMostRows = 1000;      // that tie the blocks
-constexpr std::int64_t kMostBlockRows = 250;  // that see one of them
+// The dense algebra of an iteration takes the cube of these.
+constexpr std::int64_t kMostRows = 1000;      // rows that couple the blocks
+constexpr std::int64_t kMostBlockRows = 250;  // rows with entries of one block
 
 Error as_in_message(const Error& error) { return of_field(coupled_message_field(error.field), error); }
 
@@ -30,7 +30,7 @@ Expected<void> check_count(const Config& config, std::int64_t count, const std::
       "must be at most " + std::to_string(config.coupled_blocks) + " (the server's limit coupled_blocks)"));
 }
 
-// Rows that see the block.
+// Number of rows with entries of the block.
 std::int64_t rows_of(const SparseMatrixView& coupling) {
   std::vector<bool> seen(static_cast<std::size_t>(coupling.rows));
   for (const Index row : coupling.row_indices) seen[static_cast<std::size_t>(row)] = true;
@@ -57,7 +57,7 @@ Expected<void> check_rows(const Config& config, const CoupledView& view) {
                             "must fit into " + std::to_string(config.solve_bytes) + " bytes (solve_bytes)"));
 }
 
-// What differs between blocks and pieces: the solve, and what is told of it.
+// The parts that differ between blocks and segments: the solve, and what is reported of it.
 using Told = std::function<void(v1::CoupledOutcome*)>;
 using Work = std::function<Expected<Solution>(const CoupledControls&, Told&)>;
 
@@ -168,7 +168,7 @@ Expected<void> set_coupled_work(const Config& config, std::shared_ptr<const v1::
     if (*told) (*told)(solution->mutable_coupled());
   };
   const SetupControls limits{.most_bytes = config.solve_bytes, .most_factorization_s = config.solve_seconds};
-  // What the work sees of the request is borrowed.
+  // The work borrows its parts of the request.
   job.work = [request = std::move(request), work = std::move(work), limits,
               told](const SolveControls& given) -> Expected<Solution> {
     CoupledControls controls{.stop = given.stop,

@@ -13,14 +13,14 @@ namespace {
 
 constexpr const char* kField = "scenarios";
 
-// As the message has it: "settings.growth" is "scenarios.growth".
+// Renames fields to those of the message: "settings.growth" is "scenarios.growth".
 Error named(Error error) {
   constexpr std::string_view kSettings = "settings.";
   if (error.field.starts_with(kSettings)) error.field.erase(0, kSettings.size());
   return inside(kField, std::move(error));
 }
 
-// Levels up to `most` worlds, or one more than a job may have.
+// Number of levels up to `most` scenarios, or one more than a job may have.
 int levels_of(const ScenarioSettings& settings, std::int64_t most) {
   int levels = 1;
   double size = static_cast<double>(settings.first_scenarios);

@@ -1,4 +1,4 @@
-// What a worker does for a request that is made of many problems: one plan for many worlds.
+// The work of a worker for a request of many problems: one plan for many scenarios.
 #pragma once
 
 #include <memory>
@@ -9,10 +9,10 @@
 
 namespace marble::server {
 
-/// Sets the job's work and what its answer says besides. Everything about `request.scenarios` is checked, and
-/// the work keeps the request, whose problem and options are good. Error fields are paths from the request's
-/// root. Errors: invalid_argument; resource_exhausted (more worlds than the server allows, or than fit into
-/// the memory of one solver).
+/// Sets the job's work and what its solution contains besides. Checks everything in `request.scenarios`; the
+/// work keeps the request, whose problem and options are valid. Error fields are paths from the request's
+/// root. Errors: invalid_argument; resource_exhausted (more scenarios than the server allows, or than fit
+/// into the memory of one solver).
 [[nodiscard]] Expected<void> set_scenario_work(const Config& config,
                                                std::shared_ptr<const v1::SolveRequest> request,
                                                const Options& options, Job& job);

@@ -27,7 +27,7 @@ Bio bio_of(const std::string& text) {
   return Bio(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())));
 }
 
-int no_password(char*, int, int, void*) { return -1; }  // never asks the terminal
+int no_password(char*, int, int, void*) { return -1; }  // never prompts on the terminal
 
 Certificate first_certificate(const std::string& pem) {
   return Certificate(PEM_read_bio_X509(bio_of(pem).get(), nullptr, no_password, nullptr));
@@ -37,7 +37,7 @@ Key key_of(const std::string& pem) {
   return Key(PEM_read_bio_PrivateKey(bio_of(pem).get(), nullptr, no_password, nullptr));
 }
 
-/// Whether it is certificates to its end: a chain that is half there would be refused by its readers.
+/// True if it contains only certificates up to its end: readers would refuse an incomplete chain.
 bool is_chain(const std::string& pem) {
   const Bio bio = bio_of(pem);
   int count = 0;

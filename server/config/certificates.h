@@ -1,5 +1,5 @@
-// The server's certificate, its key and the authorities of its clients: read, and checked before they are
-// used.
+// The server's certificate, its key and the authorities of its clients: reads them, and checks them before
+// use.
 #pragma once
 
 #include <string>
@@ -12,23 +12,23 @@ namespace marble::server {
 
 /// PEM texts.
 struct Certificates {
-  std::string certificate, key, client_ca;  ///< client_ca is empty if no client shows a certificate
+  std::string certificate, key, client_ca;  ///< client_ca is empty if clients need no certificate
   [[nodiscard]] bool operator==(const Certificates&) const = default;
 };
 
 enum class ClientCertificate { none, request, require };
 
-/// What tls_client means, with auto resolved.
+/// Returns the meaning of tls_client, with auto resolved.
 [[nodiscard]] ClientCertificate client_certificate_of(const Settings& settings);
 
 /// Reads the files that the tls_ settings name. Error fields are settings: a file cannot be read or parsed,
-/// or the key does not fit the certificate.
+/// or the key does not match the certificate.
 [[nodiscard]] Expected<Certificates> read_certificates(const Settings& settings);
 
-/// All that is wrong with the tls_ settings and their files.
+/// Returns all errors in the tls_ settings and their files.
 [[nodiscard]] std::vector<Error> faults_of_tls(const Settings& settings);
 
-/// The end of the certificate's validity, as "2027-01-31T12:00:00Z".
+/// Returns the end of the certificate's validity, as "2027-01-31T12:00:00Z".
 [[nodiscard]] std::string expiry_of(const Certificates& certificates);
 /// True if it has ended, or has not begun.
 [[nodiscard]] bool is_expired(const Certificates& certificates);

@@ -1,4 +1,4 @@
-// The command line as it was given; config.h makes settings of it.
+// The command line as given; config.h turns it into settings.
 #pragma once
 
 #include <map>
@@ -16,11 +16,10 @@ struct CommandLine {
   bool check_config = false;
   bool print_metrics = false;
   bool check_state = false;
-  std::string new_token;  ///< NAME:ROLES; empty if none is wanted
+  std::string new_token;  ///< NAME:ROLES; empty if no token is requested
 };
 
-/// Where the process is to end instead (help, version, an error), prints why and returns its exit code in
-/// `exit_code`.
+/// If the process must exit instead (help, version, an error), prints the reason and sets `exit_code`.
 [[nodiscard]] std::optional<CommandLine> parse_command_line(int argc, const char* const* argv,
                                                             int& exit_code);
 

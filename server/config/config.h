@@ -15,7 +15,7 @@
 
 namespace marble::server {
 
-/// What the file's table [clients.NAME] says of one client.
+/// The file's table [clients.NAME] for one client.
 struct ClientConfig {
   std::map<std::string, SettingValue>
       settings;  ///< its own values of client_ settings, by the setting's name
@@ -25,41 +25,43 @@ struct ClientConfig {
 
 struct Config : Settings {
   std::vector<std::string> listen = {
-      contract::default_address};  ///< host:port, port 0 for a free one, or unix:PATH
-  Options solver_defaults;         ///< of options that a request leaves out
+      contract::default_address};  ///< host:port, with port 0 for any free port, or unix:PATH
+  Options solver_defaults;         ///< defaults of options that a request leaves out
   std::map<std::string, ClientConfig> clients;
-  std::vector<Token> known_tokens;             ///< what the file `tokens` holds
-  std::map<std::string, std::string> sources;  ///< of keys that are not at their default: where from
+  std::vector<Token> known_tokens;             ///< contents of the file `tokens`
+  std::map<std::string, std::string> sources;  ///< source of each key that is not at its default
 };
 
-/// One thing that is wrong with the configuration.
+/// One error in the configuration.
 struct ConfigFault {
   std::string where;  ///< "FILE:LINE", "environment MARBLE_X" or "flag --x"
   Error error;
   [[nodiscard]] std::string message() const { return where + ": " + error.message(); }
 };
 
-/// Everything in force, flag over environment over file over default, or all that is wrong with it. Reads the
-/// files it names too: a token file or a certificate that is no good is a fault.
+/// Returns the effective configuration, or all its errors. A flag takes precedence over the environment, then
+/// the file, then the default. Reads the files that it names too: an invalid token file or certificate is an
+/// error.
 [[nodiscard]] tl::expected<Config, std::vector<ConfigFault>> load_config(const CommandLine& command_line);
 
-/// Where the key's value came from: "default", "FILE:LINE", "environment MARBLE_X" or "flag --x".
+/// Returns the source of the key's value: "default", "FILE:LINE", "environment MARBLE_X" or "flag --x".
 [[nodiscard]] std::string source_of(const Config& config, const std::string& key);
 
-/// All of it as TOML, each value with a comment that says where it came from.
+/// Returns the whole configuration as TOML, each value with a comment that names its source.
 [[nodiscard]] std::string to_toml(const Config& config);
 
-/// Whether callers are told apart by tokens or certificates, not by what they say: else each has every role.
+/// True if callers are identified by tokens or certificates, not by the names they give: else each has every
+/// role.
 [[nodiscard]] bool knows_callers(const Settings& settings);
-/// Of all addresses, those that others than this machine can reach.
+/// Returns the addresses that other machines can reach.
 [[nodiscard]] std::vector<std::string> addresses_beyond_loopback(const Config& config);
 
-/// What "auto" means for the HTTP port.
+/// The meaning of "auto" for the HTTP port.
 inline const std::string kDefaultHttpAddress = "127.0.0.1:50080";
 
 /// True if only this machine can reach the address: loopback, or a unix socket.
 [[nodiscard]] bool is_local_address(const std::string& address);
-/// True for unix sockets, which stay without TLS.
+/// True for unix sockets, which do not use TLS.
 [[nodiscard]] bool is_unix_address(const std::string& address);
 
 }  // namespace marble::server

@@ -83,7 +83,7 @@ class Reader {
 
   void refuse(Line line, Error error) { faults_.emplace_back(line, std::move(error)); }
 
-  /// Takes over the outcome of setting `key`.
+  /// Records the result of setting `key`.
   void settle(const Expected<void>& outcome, const std::string& key, Line line) {
     if (outcome) {
       config_.sources[key] = where(line);

@@ -9,10 +9,10 @@
 
 namespace marble::server {
 
-/// Sets what the file says in `config` and adds what is wrong with it to `faults`, line by line.
+/// Sets the file's values in `config` and appends its errors to `faults`, line by line.
 void read_config_file(const std::string& path, Config& config, std::vector<ConfigFault>& faults);
 
-/// The same of a text that is read already; faults say that they are of `path`.
+/// Does the same for a text that is already read; errors name `path`.
 void read_config_text(std::string_view text, const std::string& path, Config& config,
                       std::vector<ConfigFault>& faults);
 

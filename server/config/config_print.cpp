@@ -1,4 +1,4 @@
-// The configuration as a TOML file.
+// Writes the configuration as a TOML file.
 #include <cstddef>
 
 #include "config/config.h"

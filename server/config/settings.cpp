@@ -160,7 +160,7 @@ std::string to_toml(const SettingValue& value) {
   if (const auto* real = std::get_if<double>(&value); real != nullptr && !std::isfinite(*real))
     return std::isnan(*real) ? "nan" : *real > 0.0 ? "inf" : "-inf";
   return std::visit(
-      [](const auto& v) {  // TOML writes numbers, truth values and escapes as JSON does
+      [](const auto& v) {  // TOML writes numbers, booleans and escapes as JSON does
         return with_escaped_controls(
             nlohmann::json(v).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
       },

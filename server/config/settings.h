@@ -1,5 +1,4 @@
-// The server's settings: one table (config.def), from which struct, flags, environment, file and print
-// follow.
+// The server's settings: one table (config.def) defines struct, flags, environment, file and output.
 #pragma once
 
 #include <cstdint>
@@ -20,22 +19,22 @@ struct Settings {
 #undef MARBLE_TEXT_SETTING
 };
 
-/// A setting's value in the type it is written in.
+/// A setting's value in its own type.
 using SettingValue = std::variant<bool, std::int64_t, double, std::string>;
 
 /// Description of one setting.
 struct SettingInfo {
   std::string name;
-  SettingValue default_value;  ///< tells the type too
+  SettingValue default_value;  ///< also determines the type
   SettingValue low, high;      ///< closed range of a number
   std::string unit, doc;
-  std::vector<std::string> choices;  ///< of a text; empty if it is free
+  std::vector<std::string> choices;  ///< valid texts; empty if any text is valid
 };
 
-/// All settings in the order of config.def.
+/// Returns all settings in the order of config.def.
 [[nodiscard]] const std::vector<SettingInfo>& setting_table();
 
-/// Sets one setting; checks name, type and range. A whole number will do for a real one.
+/// Sets one setting; checks name, type and range. Accepts an integer for a real number.
 [[nodiscard]] Expected<void> set_setting(Settings& settings, std::string_view name,
                                          const SettingValue& value);
 /// The same from text, as on a command line.
@@ -44,16 +43,16 @@ struct SettingInfo {
 /// Reads one setting. The name must exist.
 [[nodiscard]] SettingValue get_setting(const Settings& settings, std::string_view name);
 
-/// Settings of this prefix are each client's, and may be told for one client alone.
+/// Settings with this prefix apply to each client, and may be set for a single client.
 constexpr std::string_view kClientPrefix = "client_";
 
-/// "--queue-jobs" of "queue_jobs".
+/// "--queue-jobs" for "queue_jobs".
 [[nodiscard]] std::string flag_name(std::string name);
-/// "MARBLE_QUEUE_JOBS" of "queue_jobs".
+/// "MARBLE_QUEUE_JOBS" for "queue_jobs".
 [[nodiscard]] std::string variable_name(std::string name);
-/// The value as TOML; numbers have all their digits.
+/// Returns the value as TOML; numbers have all their digits.
 [[nodiscard]] std::string to_toml(const SettingValue& value);
-/// "in [0, 1024]", "one of text, json"; empty if anything goes.
+/// "in [0, 1024]", "one of text, json"; empty if every value is valid.
 [[nodiscard]] std::string range_of(const SettingInfo& setting);
 
 }  // namespace marble::server

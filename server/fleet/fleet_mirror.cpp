@@ -17,13 +17,13 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr milliseconds kQuiet{1000};   // between two looks that nobody asked for
-constexpr milliseconds kWatched{250};  // between two looks at what running jobs tell
+constexpr milliseconds kQuiet{1000};   // between two reads without a request
+constexpr milliseconds kWatched{250};  // between two reads of running jobs
 
-// Of one job: their number never overflows.
+// Of one job, so that their number never overflows.
 constexpr std::int64_t kMostRows = std::int64_t{1} << 40;
 
-// Of answered jobs only the newest are told in full: as many as the board remembers.
+// Only the newest of the jobs with a result are read in full: as many as the board keeps.
 constexpr const char* kAll =
     "WITH recent AS (SELECT number FROM marble_jobs WHERE state = 2 ORDER BY ended DESC, number DESC LIMIT "
     "$1)"
@@ -90,7 +90,7 @@ void FleetMirror::look(const std::string& id, Settled then) {
   tell({id, std::move(then)}, well);
 }
 
-// What is known is told, however old; of what is not, nobody may think that it is gone.
+// A known job is reported in any state, even an old one; an unknown one must not be reported as gone.
 void FleetMirror::tell(const Look& look, const Expected<void>& looked) const {
   const bool known =
       look.id.empty() || !parts_.results.owner(look.id).empty() || parts_.board.find(look.id) != nullptr;
@@ -177,7 +177,7 @@ void FleetMirror::run() {
       poll(ends.data(), ends.size(), static_cast<int>(kQuiet.count()));
     }
   }
-  // What came between the last round and now.
+  // Requests that arrived between the last round and now.
   const Asked late = take();
   for (const Look& look : late.looks) tell(look, {});
   for (const Recall& recall : late.recalls) recall.then(unexpected(draining()));
@@ -219,7 +219,7 @@ Expected<void> FleetMirror::answer(const Asked& asked) {
     if (auto read = read_live(); !read) return read;
   }
   {
-    const MutexLock lock(mutex_);  // results that were found wanted meanwhile
+    const MutexLock lock(mutex_);  // results that were requested meanwhile
     const auto more = std::exchange(asked_.fetches, {});
     wanted_.insert(wanted_.end(), more.begin(), more.end());
   }
@@ -231,7 +231,7 @@ Expected<void> FleetMirror::answer(const Asked& asked) {
 }
 
 Expected<void> FleetMirror::read_all() {
-  const auto horizon = database_->run(kHorizon);  // before: what changes meanwhile is read again
+  const auto horizon = database_->run(kHorizon);  // read first: changes made meanwhile are read again
   if (!horizon) return unexpected(horizon.error());
   const auto rows = database_->run(PgStatement(kAll).number(parts_.config.history_jobs));
   if (!rows) return unexpected(rows.error());
@@ -286,18 +286,18 @@ void FleetMirror::apply(const PgRows& rows, int row) {
   if (state == FleetState::answered) parts_.results.kept_elsewhere(id);
 }
 
-// A job that does not run here, on the board.
+// Shows a job of another server on the board.
 void FleetMirror::show(const std::string& id, Known& known, const PgRows& rows, int row, bool is_new) {
   const std::string_view told = rows.bytes(row, 8);
   auto record = parts_.board.find(id);
   if (record != nullptr && record->is_finished()) {
-    if (known.state != FleetState::answered) return;  // here it has, and the store does not know yet
+    if (known.state != FleetState::answered) return;  // ended on this server; the store does not have it yet
     known.is_whole = known.is_whole || is_new || !record->trace().rows.empty();
   }
-  // Answered jobs other than the newest come without it.
+  // Of jobs with a result, only the newest come with it.
   if ((told.empty() && known.state == FleetState::answered) || known.is_whole) return;
   if (record == nullptr) {
-    if (!is_new && known.state == FleetState::answered) return;  // the board has forgotten it
+    if (!is_new && known.state == FleetState::answered) return;  // the board has dropped it
     const StoredJob stored{.id = id,
                            .client = std::string(rows.bytes(row, 2)),
                            .peer = std::string(rows.bytes(row, 3)),
@@ -332,7 +332,7 @@ void FleetMirror::wait_in_line() {
   if (some) owner_.jobs_wait();
 }
 
-// Its trace, and its options: nobody needs them but who asks for this job.
+// Reads the job's trace and options, which only requests for this job need.
 Expected<void> FleetMirror::read_whole(const std::string& id) {
   const auto found = known_.find(id);
   if (found == known_.end() || found->second.is_whole) return {};
@@ -401,7 +401,7 @@ Expected<AskedAndAnswered> FleetMirror::read_both(const std::string& id) {
 Expected<void> FleetMirror::read_answer(const std::string& id) {
   const auto rows = database_->run(PgStatement(kAnswer).text(id));
   if (!rows) return unexpected(rows.error());
-  if (rows->size() == 0) return {};  // gone, which the next changes tell
+  if (rows->size() == 0) return {};  // gone, as the next changes will show
   parts_.results.deliver(id, stored_answer(rows->bytes(0, 0), rows->bytes(0, 1)));
   return {};
 }

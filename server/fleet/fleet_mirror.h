@@ -1,8 +1,8 @@
-// What this server knows of the jobs in the store that several share: a record of each on its board, as if it
-// were its own, so that lists, watchers and the page need not know where a job runs.
+// This server's copy of the jobs in a shared store: a record of each on its board, like those of its own
+// jobs, so that lists, watchers and the page do not depend on where a job runs.
 //
-// One thread reads: what has changed, whenever servers say so and once a second besides; what somebody asks
-// for; and, while somebody watches, what running jobs tell.
+// One thread reads: changes, whenever servers announce them and once a second besides; what is requested;
+// and, while there are watchers, the progress of running jobs.
 #pragma once
 
 #include <chrono>
@@ -22,14 +22,15 @@
 
 namespace marble::server {
 
-/// What the mirror asks of, and tells, the jobs that run here.
+/// The jobs that run on this server, as the mirror queries and notifies them.
 class FleetOwner {
  public:
   virtual ~FleetOwner() = default;
   [[nodiscard]] virtual bool has(const std::string& id) = 0;
-  /// Calls it while the job does not run here and does not begin to; whether it was so.
+  /// Calls `then` if the job does not run on this server, and prevents it from starting meanwhile; returns
+  /// whether it did.
   virtual bool unless_here(const std::string& id, const std::function<void()>& then) = 0;
-  /// Some job waits.
+  /// At least one job waits.
   virtual void jobs_wait() = 0;
 };
 
@@ -44,20 +45,20 @@ class FleetMirror {
   FleetMirror(const FleetMirror&) = delete;
   FleetMirror& operator=(const FleetMirror&) = delete;
 
-  /// Until the store was read once, or for `patience`.
+  /// Waits until the store was read once, or for `patience`.
   void wait(std::chrono::milliseconds patience) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Submissions::look(). At once where the store cannot be reached.
+  /// Submissions::look(). Calls back at once if the store cannot be reached.
   void look(const std::string& id, Settled then) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Gives the answer to the results, when it can.
+  /// Passes the result to the result store, as soon as it can.
   void fetch(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Submissions::recall().
   void recall(const std::string& id, std::function<void(Expected<AskedAndAnswered>)> then)
       ABSL_LOCKS_EXCLUDED(mutex_);
-  /// What is known here of a job is not what the store knows.
+  /// This server's state of the job differs from the store's: reads it again.
   void read_anew(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Whether nobody waits for it.
+  /// True if no caller waits for it.
   [[nodiscard]] bool is_settled() const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Answers what it was asked for as it can, and nothing from then on.
+  /// Completes the pending requests as far as it can, and none from then on.
   void close() ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
@@ -75,16 +76,16 @@ class FleetMirror {
     std::vector<std::string> fetches;
     std::vector<std::string> anew;
   };
-  // Of jobs that are not gone; the thread's own.
+  // State of the jobs that are not gone; used by the mirror's thread only.
   struct Known {
     FleetState state = FleetState::waiting;
     std::int64_t number = 0;
     std::size_t priority = 0;
     std::string server;
-    std::int64_t upto = -1;  // of its rows there, those before this were seen
-    bool is_whole = false;   // its trace is there too, to its end
+    std::int64_t upto = -1;  // the rows before this one were read
+    bool is_whole = false;   // its trace was read too, to its end
   };
-  // Jobs that wait, in order: what is asked for a job's place.
+  // Waiting jobs in order, for queries of a job's place.
   struct Waiting {
     Mutex mutex;
     std::vector<std::pair<std::size_t, std::int64_t>> line ABSL_GUARDED_BY(mutex);
@@ -120,10 +121,10 @@ class FleetMirror {
   bool working_ ABSL_GUARDED_BY(mutex_) = false;
   bool closing_ ABSL_GUARDED_BY(mutex_) = false;
   const std::shared_ptr<Waiting> waiting_ = std::make_shared<Waiting>();
-  std::optional<Postgres> database_;  // the thread's own, as all from here
-  std::string horizon_;               // transactions from this one on may not have been seen
+  std::optional<Postgres> database_;  // used by the mirror's thread only, like all that follow
+  std::string horizon_;               // transactions from this one on may be unread
   std::unordered_map<std::string, Known> known_;
-  std::vector<std::string> wanted_;  // answers that could not be fetched yet
+  std::vector<std::string> wanted_;  // results that could not be fetched yet
   std::thread thread_;
 };
 

@@ -8,10 +8,10 @@ namespace {
 constexpr std::int64_t kVersionOfTables = 1;
 
 // `number` is the order of acceptance. `changed` is the transaction that changed the row last, by which each
-// server finds what is new. `token` is new whenever a server takes the job: an answer is written only by who
-// holds it (a fencing token). `lost` counts the servers that have gone away with it. Rows that are gone stay
-// for a while, so that all servers hear of it. Large columns are in tables of their own: a row is written
-// anew with each change of its state.
+// server finds new changes. `token` is new whenever a server takes the job: only its holder may write a
+// result (a fencing token). `lost` counts the servers that died while running it. Rows of gone jobs stay for
+// a while, so that all servers read the change. Large columns are in separate tables, because a row is
+// rewritten with each change of its state.
 constexpr std::array kMake = {
     "CREATE TABLE marble_schema (version integer NOT NULL)",
     "INSERT INTO marble_schema VALUES (1)",
@@ -40,7 +40,7 @@ constexpr std::array kMake = {
     " number bigint PRIMARY KEY REFERENCES marble_jobs ON DELETE CASCADE,"
     " answer bytea NOT NULL, error bytea NOT NULL, job bytea NOT NULL)",
     "ALTER TABLE marble_answers ALTER answer SET STORAGE EXTERNAL",
-    // What running jobs do, several times a second: nothing that a crash of the database may not lose.
+    // The state of running jobs, several times a second: a crash of the database may lose it.
     "CREATE UNLOGGED TABLE marble_live ("
     " number bigint PRIMARY KEY REFERENCES marble_jobs ON DELETE CASCADE,"
     " first bigint NOT NULL, upto bigint NOT NULL, rows bytea NOT NULL, info bytea NOT NULL, job bytea NOT "
@@ -50,7 +50,7 @@ constexpr std::array kMake = {
     "CREATE SEQUENCE marble_turn",
 };
 
-// Nothing where there are no tables.
+// Accepts a database without tables.
 Expected<void> check_version(Postgres& database, bool& there) {
   const auto found = database.run("SELECT to_regclass('marble_schema') IS NOT NULL");
   if (!found) return unexpected(found.error());

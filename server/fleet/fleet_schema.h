@@ -10,15 +10,15 @@ namespace marble::server {
 /// States of a job in the tables.
 enum class FleetState { waiting = 0, running = 1, answered = 2, gone = 3 };
 
-/// What servers tell each other by: something has changed.
+/// Listens for the notifications of changes between servers.
 constexpr const char* kFleetListen = "LISTEN marble_jobs";
 constexpr const char* kFleetNotify = "NOTIFY marble_jobs";
 
-/// Makes the tables where there are none. Errors: failed_precondition (they are of another version);
+/// Creates the tables if there are none. Errors: failed_precondition (they are of another version);
 /// unavailable.
 [[nodiscard]] Expected<void> prepare_fleet(Postgres& database);
 
-/// What --check-state tells of it in one line.
+/// Returns the line of --check-state.
 [[nodiscard]] Expected<std::string> check_fleet(const std::string& uri);
 
 }  // namespace marble::server

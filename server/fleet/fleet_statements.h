@@ -1,4 +1,4 @@
-// What a server writes to the tables of a store that several servers share, in SQL.
+// The SQL that a server writes to the tables of a shared store.
 #pragma once
 
 namespace marble::server {

@@ -17,9 +17,9 @@ using Seconds = std::chrono::seconds;
 
 constexpr std::chrono::milliseconds kTick{250};
 constexpr Seconds kJanitor{2};
-constexpr int kTries = 5;                   // of a transaction that collided with another
-constexpr std::int64_t kAnswerBytes = 512;  // that an answer takes besides its own
-constexpr double kOldest = 4e9;             // seconds that a job may have waited: clocks count no further
+constexpr int kTries = 5;                   // attempts of a transaction that conflicted with another
+constexpr std::int64_t kAnswerBytes = 512;  // memory of a result besides its message
+constexpr double kOldest = 4e9;             // limit on a job's age in seconds: clocks count no further
 constexpr std::int64_t kMostLost = 1'000'000;
 constexpr std::int64_t kMostOfALine = 64;  // jobs of one client and priority in one take
 
@@ -109,7 +109,7 @@ Expected<void> FleetStore::connect() {
   return {};
 }
 
-// What collided with another server's transaction was undone, and is tried at once.
+// A transaction that conflicted with another server's was undone, and is retried at once.
 Expected<void> FleetStore::write(std::vector<Change>& changes) {
   if (auto connected = connect(); !connected) return connected;
   const auto now = std::chrono::steady_clock::now();
@@ -119,7 +119,7 @@ Expected<void> FleetStore::write(std::vector<Change>& changes) {
     try {
       written = write_once(changes, due);
     } catch (...) {
-      database_->close();  // and what it had begun is undone
+      database_->close();  // and the database undoes what it had begun
       throw;
     }
     if (written) break;
@@ -167,7 +167,7 @@ Expected<void> FleetStore::write_once(std::vector<Change>& changes, const Due& d
         break;
     }
   }
-  // After a pause of the network or the database all have a lease's time to say that they are there.
+  // After an outage of the network or the database, all servers have the time of a lease to renew theirs.
   const bool takes_over =
       due.second &&
       std::chrono::duration<double>(std::chrono::steady_clock::now() - connected_).count() > limits_.lease_s;
@@ -211,7 +211,7 @@ Expected<void> FleetStore::write_once(std::vector<Change>& changes, const Due& d
   return {};
 }
 
-// In a transaction that waits for no disk: what it says is soon said again.
+// In a transaction that does not wait for the disk: lost data are soon written again.
 Expected<void> FleetStore::renew() {
   const auto held = taker_.held();
   if (held.empty()) return {};
@@ -364,7 +364,7 @@ Expected<std::vector<TakenJob>> FleetStore::take(const Lines& lines, FleetTaker:
   }
   for (auto& turns : able) std::ranges::stable_sort(turns, {}, &Line::turn);
   using Place = std::tuple<std::string, std::size_t, bool>;
-  std::map<Place, std::int64_t> counts;  // in the order of its locks
+  std::map<Place, std::int64_t> counts;  // ordered as its locks are taken
   const auto now = std::chrono::steady_clock::now();
   for (int i = 0; i < room.jobs; ++i) {
     std::array<std::vector<Line>::iterator, kPriorities> next;
@@ -410,13 +410,13 @@ Expected<std::vector<TakenJob>> FleetStore::take(const Lines& lines, FleetTaker:
   return taken;
 }
 
-// What was kept long enough, or is too much; one server at a time.
+// Removes expired results, and those beyond the limits; one server at a time.
 Expected<void> FleetStore::clean() {
   const auto first = database_->run("SELECT pg_try_advisory_xact_lock(hashtext('marble_clean'))");
   if (!first) return unexpected(first.error());
   if (!first->truth(0, 0)) return {};
   std::vector<PgStatement> all;
-  // What no server writes, and no server would take.
+  // Repairs values that no server writes, and with which no server would take the job.
   all.emplace_back(
       "UPDATE marble_jobs SET priority = least(greatest(priority, 0), 2), state = greatest(state, 0),"
       " changed = pg_current_xact_id() WHERE state < 2 AND (state < 0 OR priority NOT BETWEEN 0 AND 2)");
@@ -435,7 +435,7 @@ Expected<void> FleetStore::clean() {
   all.emplace_back(
       "DELETE FROM marble_answers USING marble_jobs j WHERE j.state = 3"
       " AND marble_answers.number = j.number");
-  // Requests of answered jobs have the room that answers leave.
+  // Requests of jobs with a result use the space that results leave.
   append(all,
          PgStatement("DELETE FROM marble_requests USING (SELECT number,"
                      " sum(bytes) OVER (ORDER BY ended DESC, number DESC) + sum(answer_bytes) OVER () AS upto"

@@ -1,8 +1,8 @@
-// What one server writes to the store that several share: one transaction for all that has come meanwhile.
+// The writes of one server to a shared store: one transaction for all changes that arrived meanwhile.
 //
-// Jobs are given out under row locks that others skip; bounds and request ids hold under one lock of all
-// servers, for as long as that transaction. All times are the database's: the clocks of the servers may
-// differ.
+// Jobs are taken under row locks that other servers skip; bounds and request ids are checked under one lock
+// of all servers, for the length of that transaction. All times are the database's, because the servers'
+// clocks may differ.
 #pragma once
 
 #include <memory>
@@ -17,64 +17,65 @@
 
 namespace marble::server {
 
-/// A job that is to be taken in.
+/// A job to be admitted.
 struct FleetJob {
   StoredJob stored;
-  Quota quota;       ///< of its client
+  Quota quota;       ///< quota of its client
   std::string info;  ///< a marble.v1.JobInfo
-  /// Told when it was settled well: the id, of an earlier job if it was there already, or why it is refused.
+  /// Set when `settled` reports success: the id, of an earlier job if it exists already, or why the job is
+  /// refused.
   Expected<std::string> id = unexpected(Error{});
   int position = 0;
 };
 
-/// One that this server has taken.
+/// A job that this server has taken.
 struct TakenJob {
   StoredJob stored;
   std::int64_t number = 0;
   double age_s = 0.0;
-  int lost = 0;       ///< servers that went away with it
-  std::string token;  ///< whoever holds it may answer
+  int lost = 0;       ///< servers that died while running it
+  std::string token;  ///< its holder may write the result
   std::string info;   ///< a marble.v1.JobInfo
 };
 
-/// The job in a row that was taken. A column may hold any value of its type.
+/// Returns the job in a row that was taken. A column may contain any value of its type.
 [[nodiscard]] TakenJob taken_in(const PgRows& rows, int row);
 
-/// What is told of one that runs.
+/// The reported state of a running job.
 struct LiveJob {
   std::int64_t number = 0;
   std::string token;
-  std::int64_t first = 0, upto = 0;  ///< of its rows: those from here to before there
+  std::int64_t first = 0, upto = 0;  ///< range of its rows: [first, upto)
   std::string rows, info, job;       ///< JobEvent, JobInfo, GetJobResponse of marble.v1
 };
 
-/// Who takes jobs. Called by the store's thread.
+/// Takes jobs. Called by the store's thread.
 class FleetTaker {
  public:
   virtual ~FleetTaker() = default;
   struct Room {
     int jobs = 0;
-    bool suspect = false;  ///< one of them may be a job that a server was lost with
+    bool suspect = false;  ///< one of them may be a job during which a server died
   };
-  /// How many it takes now.
+  /// Returns how many it takes now.
   [[nodiscard]] virtual Room room() = 0;
   [[nodiscard]] virtual Quota quota_of(const std::string& client) = 0;
   virtual void took(std::vector<TakenJob> jobs) = 0;
-  /// Ids and tokens of those it has.
+  /// Returns the ids and tokens of its jobs.
   [[nodiscard]] virtual std::vector<std::pair<std::string, std::string>> held() = 0;
-  /// Others have them now.
+  /// Other servers have these jobs now.
   virtual void lost(const std::vector<std::string>& ids) = 0;
-  /// It is to end; told again until it has.
+  /// The job must end; repeated until it has.
   virtual void cancelled(const std::string& id) = 0;
-  /// What there is to tell of those that run.
+  /// Returns the current state of the running jobs.
   [[nodiscard]] virtual std::vector<LiveJob> live() = 0;
 };
 
 struct FleetLimits {
-  QueueLimits queue;    ///< of all servers together, but for workers
-  double keep_s = 0.0;  ///< answers
+  QueueLimits queue;    ///< limits of all servers together, except workers
+  double keep_s = 0.0;  ///< retention time of results
   std::int64_t answer_bytes = 0;
-  bool keeps_requests = false;  ///< of answered jobs, where there is room
+  bool keeps_requests = false;  ///< keeps those of jobs with a result, while there is memory
   double lease_s = 0.0;
   int job_starts = 2;
 };
@@ -82,22 +83,22 @@ struct FleetLimits {
 /// Thread-safe.
 class FleetStore {
  public:
-  /// Connects by itself, again and again. `server` is this server's name for people.
+  /// Connects by itself, with retries. `server` is this server's name as shown to users.
   FleetStore(std::string uri, std::string server, const FleetLimits& limits, const Log& log,
              FleetTaker& taker);
 
   void add(std::shared_ptr<FleetJob> job, Settled settled);
-  /// Nothing, if the token is not in force any more. Tried again until it is written: then told.
+  /// Writes nothing if the token is no longer valid. Retried until it is written: then `settled` is called.
   void finish(StoredResult result, const std::string& token, Settled settled);
-  /// It waits again, for any server.
+  /// The job waits again, for any server.
   void release(const std::string& id, const std::string& token);
-  /// One that waits has this answer, one that runs is told to end.
+  /// Gives a waiting job this result, and tells the server of a running one to end it.
   void cancel(StoredResult if_waiting, Settled settled);
   void forget(const std::string& id, Settled settled);
 
   /// There may be jobs to take.
   void look_for_jobs();
-  /// Gives nothing out any more, and writes what is asked for: to the end.
+  /// Takes no more jobs, and completes the pending writes.
   void close() { changes_.close(); }
   [[nodiscard]] Expected<void> health() const { return changes_.health(); }
   [[nodiscard]] StoreUsage usage() const;
@@ -115,8 +116,9 @@ class FleetStore {
     [[nodiscard]] bool is_patient() const { return is_lasting(); }
     [[nodiscard]] bool is_lasting() const { return kind == Kind::finish || kind == Kind::release; }
   };
-  // A client's jobs of one priority. Suspects have lines of their own: jobs that a server was lost with, and
-  // that may start again. A server runs one suspect at a time, so that the next loss counts for one only.
+  // A client's jobs of one priority. Suspects have lines of their own: jobs during which a server died, and
+  // that may start again. A server runs one suspect at a time, so that the next death of a server counts for
+  // one only.
   struct Line {
     std::string client;
     std::size_t priority = 0;
@@ -142,7 +144,7 @@ class FleetStore {
   const FleetLimits limits_;
   const Log& log_;
   FleetTaker& taker_;
-  std::optional<Postgres> database_;  // the writer's thread's, as all down to bytes_
+  std::optional<Postgres> database_;  // used by the writer's thread, like all down to bytes_
   std::chrono::steady_clock::time_point connected_ = {}, second_ = {}, janitor_ = {};
   PassedOver passed_over_;
   std::int64_t takes_ = 0;

@@ -21,9 +21,9 @@
 namespace marble::server {
 namespace {
 
-constexpr std::int64_t kLargestValue = 1'000'000'000;  // PostgreSQL's, of a bytea: 1 GB less a header
+constexpr std::int64_t kLargestValue = 1'000'000'000;  // PostgreSQL's limit on a bytea: 1 GB minus a header
 
-// "HOST:PORT", or with a number of its own where the port is any.
+// "HOST:PORT", or with an id of its own instead of an unspecified port.
 std::string name_of(const Config& config) {
   std::array<char, 256> host = {};
   (void)gethostname(host.data(), host.size() - 1);
@@ -50,7 +50,7 @@ Error too_large(const char* what) {
 
 }  // namespace
 
-// Whoever has a worker free looks for the next job.
+// Looks for the next job when a worker is free.
 class FleetSubmissions::Waiter final : public RoomWaiter {
  public:
   explicit Waiter(std::function<void()> look) : look_(std::move(look)) {}
@@ -83,7 +83,7 @@ FleetSubmissions::FleetSubmissions(const ServiceParts& parts)
   mirror_.start();
 }
 
-// Those that still run tell it their end.
+// Running jobs report their end to this object.
 FleetSubmissions::~FleetSubmissions() {
   parts_.scheduler.drain(std::chrono::duration<double>(0.0));
   close();
@@ -95,7 +95,7 @@ Expected<std::unique_ptr<Submissions>> FleetSubmissions::begin(const ServicePart
     if (auto ready = prepare_fleet(*database); !ready) return unexpected(ready.error());
   }
   std::unique_ptr<FleetSubmissions> begun(new FleetSubmissions(parts));
-  if (database) begun->mirror_.wait(Postgres::kPatience);  // so that it answers for the jobs that are there
+  if (database) begun->mirror_.wait(Postgres::kPatience);  // so that it can serve the existing jobs
   return begun;
 }
 
@@ -126,7 +126,7 @@ Expected<Afterwards> FleetSubmissions::submit(const Caller& caller, std::shared_
   v1::JobInfo info;
   to_message(record, &info);
   job->info = info.SerializeAsString();
-  // A name in a certificate may hold anything. The store would refuse it again and again.
+  // A name in a certificate may contain any bytes, which the store would refuse at each retry.
   if (what.client.find('\0') != std::string::npos || utf8(what.client) != what.client)
     return unexpected(
         invalid("client", "must be named in UTF-8, without a zero byte, where others share its jobs"));
@@ -150,7 +150,7 @@ Expected<Afterwards> FleetSubmissions::cancel(const Identity& caller, const std:
     if (auto told = cancel_job(parts_.board, caller, id, response); !told) return unexpected(told.error());
     return Afterwards();
   }
-  // What it is if it waits: nobody else makes its answer.
+  // The result if the job still waits: no server runs it, so none writes one.
   const auto ended = parts_.board.make((*record)->description(), (*record)->options());
   Outcome outcome{.solution = unexpected(failure(ErrorCode::cancelled, "given up while the job waited"))};
   ended->finished(outcome.solution, 0.0, 0.0);
@@ -179,7 +179,7 @@ Expected<Afterwards> FleetSubmissions::remove(const Identity& caller, const std:
   };
 }
 
-// As many as begin at once. Where others' jobs keep the workers busy, one more, which then waits with them
+// As many as can begin at once. If other jobs keep the workers busy, one more, which then waits with them
 // for its turn.
 FleetTaker::Room FleetSubmissions::room() {
   if (parts_.scheduler.is_leaving()) return {};
@@ -264,8 +264,8 @@ std::vector<LiveJob> FleetSubmissions::live() {
   return all;
 }
 
-// An exception ends the job that it is of, and no other. One that is not even held goes back when its lease
-// ends.
+// An exception ends only the job that caused it. A job that is not even held returns to the store when its
+// lease ends.
 void FleetSubmissions::took(std::vector<TakenJob> jobs) {
   for (TakenJob& job : jobs) {
     const std::string token = job.token;
@@ -280,13 +280,14 @@ void FleetSubmissions::took(std::vector<TakenJob> jobs) {
   }
 }
 
-// The record that runs is the one on the board, whether the mirror has put it there before or not.
+// The record of a running job is the one on the board, whether or not the mirror has already put it there.
 std::shared_ptr<JobRecord> FleetSubmissions::hold(const TakenJob& taken) {
   const StoredJob& stored = taken.stored;
-  (void)parts_.results.expect(stored.id, stored.client);  // the mirror may not have seen it yet
+  (void)parts_.results.expect(stored.id, stored.client);  // the mirror may not have read it yet
   const MutexLock lock(mutex_);
   auto record = parts_.board.find(stored.id);
-  // A run of it that was lost here, and may not have ended yet, keeps its own record.
+  // An earlier run of the job on this server that was lost, and may not have ended yet, keeps its own
+  // record.
   if (record == nullptr || record->is_finished() || held_.contains(stored.id)) {
     parts_.board.forget(stored.id);
     JobDescription what = description_of(stored, taken.info);
@@ -332,7 +333,7 @@ void FleetSubmissions::take_in(TakenJob taken, const std::shared_ptr<JobRecord>&
                  .arrival = now,
                  .bytes = static_cast<std::int64_t>(stored.request.size())};
   job->observer = std::make_shared<Keeper>(*this, record, taken.token);
-  // The worker reads the request: the store's thread has others to serve.
+  // The worker reads the request, to keep the store's thread free.
   job->work = [this, record, quota = job->quota, taken_in = std::weak_ptr(job),
                shared = std::make_shared<StoredJob>(std::move(taken.stored))](
                   const SolveControls& controls) -> Expected<Solution> {
@@ -366,7 +367,7 @@ void FleetSubmissions::erase(const std::string& id, const std::string& token) {
   if (const auto job = held_.find(id); job != held_.end() && job->second.token == token) held_.erase(job);
 }
 
-// What a run makes of a job that it does not hold any more is dropped: whoever holds it gives the answer.
+// The result of a job that this server no longer holds is dropped: the current holder writes it.
 void FleetSubmissions::ended(JobRecord& record, const std::string& token, Outcome outcome) {
   const std::string& id = record.id();
   Held job;
@@ -396,7 +397,7 @@ void FleetSubmissions::ended(JobRecord& record, const std::string& token, Outcom
   }
   fault_point("before_answer");
   store_.finish(std::move(kept.stored), token, [this, id, token](const Expected<void>& made) {
-    if (!made) return;  // it is tried again
+    if (!made) return;  // it is retried
     erase(id, token);
     look("", [](const Expected<void>& /*looked*/) {});
   });

@@ -1,5 +1,5 @@
-// Submitted jobs in a store that several servers share: each takes what it has workers for, and answers for
-// all.
+// Submitted jobs in a store that several servers share: each takes those that it has workers for, and serves
+// clients of all.
 #pragma once
 
 #include <map>
@@ -15,8 +15,8 @@ namespace marble::server {
 
 class FleetSubmissions final : public Submissions, FleetTaker, FleetOwner {
  public:
-  /// Before anybody calls. Errors: failed_precondition (tables of another version). A store that cannot be
-  /// reached is none.
+  /// Called before any other method. Errors: failed_precondition (tables of another version). A store that
+  /// cannot be reached is no error.
   [[nodiscard]] static Expected<std::unique_ptr<Submissions>> begin(const ServiceParts& parts);
   ~FleetSubmissions() override;
   FleetSubmissions(const FleetSubmissions&) = delete;
@@ -35,19 +35,19 @@ class FleetSubmissions final : public Submissions, FleetTaker, FleetOwner {
   [[nodiscard]] Expected<void> health() const override { return store_.health(); }
   [[nodiscard]] std::optional<StoreUsage> usage() const override { return store_.usage(); }
   [[nodiscard]] bool is_settled() const override { return store_.is_settled() && mirror_.is_settled(); }
-  /// After the drain.
+  /// Called after the drain.
   void close() override;
 
  private:
-  // One that this server has taken and the store has no answer of yet.
+  // A job that this server has taken and that has no result in the store yet.
   struct Held {
     std::int64_t number = 0;
     std::string token;
     std::shared_ptr<JobRecord> record;
-    std::int64_t begin = 0, cursor = 0;  // of its rows: before the first; told
+    std::int64_t begin = 0, cursor = 0;  // row numbers: before its first; last sent
     std::int64_t changes = 0;
     bool is_lost = false;     // another server has it
-    bool is_suspect = false;  // a server was lost with it
+    bool is_suspect = false;  // a server died while running it
   };
   class Keeper;
   class Waiter;
@@ -77,7 +77,7 @@ class FleetSubmissions final : public Submissions, FleetTaker, FleetOwner {
   const ServiceParts& parts_;
   const std::string server_;
   const std::shared_ptr<Waiter> room_;
-  Mutex mutex_;  // before the board's and the records'
+  Mutex mutex_;  // taken before the board's and the records' locks
   std::map<std::string, Held> held_ ABSL_GUARDED_BY(mutex_);
   FleetMirror mirror_;
   FleetStore store_;

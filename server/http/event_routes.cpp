@@ -10,17 +10,17 @@
 namespace marble::server::http {
 namespace {
 
-constexpr std::chrono::seconds kSilence{3};  // then a comment asks whether anybody listens
-constexpr std::chrono::seconds kRecheck{2};  // of who the caller is: tokens and roles can be reloaded
+constexpr std::chrono::seconds kSilence{3};  // after this, a comment tests whether the client still reads
+constexpr std::chrono::seconds kRecheck{2};  // for checks of the caller: tokens and roles can be reloaded
 
-/// One event stream: takes frames as they come and writes them to one client.
+/// One event stream: writes frames to one client as they come.
 class EventStream {
  public:
   EventStream(const ServiceParts& parts, Credentials given, std::unique_ptr<EventHub::Viewer> viewer,
               std::string first)
       : parts_(parts), given_(std::move(given)), viewer_(std::move(viewer)), first_(std::move(first)) {}
 
-  /// The next piece; false once nobody reads.
+  /// Writes the next piece; false once the client no longer reads.
   [[nodiscard]] bool write(httplib::DataSink& sink) {
     if (!first_.empty()) return put(sink, std::exchange(first_, ""));
     const Clock::time_point now = Clock::now();
@@ -71,7 +71,7 @@ void stream(const ServiceParts& parts, const httplib::Request& request,
 std::string hello(const ServiceParts& parts, const Identity& caller) {
   v1::GetInfoResponse info;
   fill_info(parts, caller, &info);
-  info.clear_options();  // the longest part, and the same all the time: /api/info has it
+  info.clear_options();  // the longest part, and constant: /api/info has it
   return event("hello", to_json(info));
 }
 

@@ -1,4 +1,4 @@
-// /api/events and /api/jobs/ID/events: what happens, as server-sent events.
+// /api/events and /api/jobs/ID/events: server-sent events about jobs and the server.
 #pragma once
 
 #include "http/requests/event_hub.h"

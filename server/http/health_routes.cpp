@@ -16,8 +16,8 @@ void add_health_routes(Router& router, const ServiceParts& parts, const std::vec
     const bool leaving = parts.scheduler.is_leaving();
     const bool ready = !leaving && ports_answer(listeners, !parts.config.tls_certificate.empty(), kPatience);
     response.status = ready ? 200 : 503;
-    // Not one server is better off without the store than another: to send no calls to any would only end
-    // what goes on without it.
+    // Without the store, no server is better off than another: sending calls to none of them would only stop
+    // what works without it.
     const auto well = parts.submissions->health();
     const std::string told =
         well ? "ready\n" : "ready, but no job can be submitted: " + well.error().bound + "\n";

@@ -1,5 +1,5 @@
-// For probes without gRPC: /healthz says that the process answers, /readyz that it takes work,
-// which it knows from asking its own port. Open to all.
+// Probes without gRPC: /healthz reports that the process responds, /readyz that it accepts work, which it
+// tests by connecting to its own port. Open to all.
 #pragma once
 
 #include <vector>

@@ -17,18 +17,18 @@
 namespace marble::server {
 namespace {
 
-constexpr std::chrono::seconds kAnswerTime{5};  // for clients to take the last answers, as on the gRPC port
+constexpr std::chrono::seconds kAnswerTime{5};  // for clients to read the last replies, as on the gRPC port
 
-// A second server on the port must fail, not share it: httplib's default allows it.
+// A second server on the port must fail, not share it: httplib's default allows sharing.
 void set_socket_options(int socket) {
   const int yes = 1;
   setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
 }
 
-// Each holds a thread: some are left for requests.
+// Each occupies a thread: some are left for other requests.
 int most_lasting(const Config& config) { return config.http_connections / 4 * 3; }
 
-// But for a problem nothing that is asked here is long.
+// Except for a problem, no request body is long.
 std::size_t longest_body(const Config& config, const httplib::Request& request) {
   const bool submits = request.method == "POST" && request.path == http::kJobsPath;
   return submits ? static_cast<std::size_t>(config.http_body_bytes) : http::BoundedServer::kOrdinaryBody;
@@ -50,7 +50,7 @@ std::unique_ptr<http::TlsSessions> tls_of(const ServiceParts& parts, const std::
   return std::make_unique<http::TlsSessions>(parts.config, parts.log, address);
 }
 
-// Of what httplib refuses by itself.
+// For requests that httplib refuses by itself.
 void tell_fault(const http::Router& router, const httplib::Request& request, httplib::Response& response) {
   const auto tell = [&](ErrorCode code, const char* field, const std::string& value,
                         const std::string& bound) {
@@ -156,7 +156,7 @@ Expected<std::unique_ptr<HttpServer>> HttpServer::start(const ServiceParts& part
                               "cannot listen: in use, or no address of this machine"));
   }
   server->thread_ = std::thread([http = server->server_.get()] { http->listen_after_bind(); });
-  // Connections wait in the socket from bind() on; but a stop before this would not be heard.
+  // Connections wait in the socket from bind() on, but a stop before this point would be lost.
   while (!server->server_->is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   return server;
 }

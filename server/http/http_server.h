@@ -1,4 +1,4 @@
-// The HTTP port: for browsers, Prometheus and probes. A thread a request, within bounds.
+// The HTTP port, for browsers, Prometheus and probes. One thread per request, within bounds.
 #pragma once
 
 #include <memory>
@@ -18,16 +18,16 @@ class Router;
 
 class HttpServer {
  public:
-  /// Listens at `parts.config.http`; /readyz asks those who accept at `listeners` too. Errors: unavailable
-  /// (in use, or no address of this machine).
+  /// Listens at `parts.config.http`; /readyz also connects to `listeners`. Errors: unavailable (in use, or
+  /// no address of this machine).
   [[nodiscard]] static Expected<std::unique_ptr<HttpServer>> start(const ServiceParts& parts,
                                                                    const std::vector<int>& listeners);
-  /// Ends the streams, answers what was asked, and stops.
+  /// Ends the streams, completes the replies in progress, and stops.
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
   HttpServer& operator=(const HttpServer&) = delete;
 
-  /// "http://127.0.0.1:50080", or https, with the port that was taken in place of 0.
+  /// "http://127.0.0.1:50080", or https, with the assigned port in place of 0.
   [[nodiscard]] const std::string& address() const { return address_; }
 
  private:
@@ -41,7 +41,7 @@ class HttpServer {
   std::unique_ptr<http::BoundedServer> server_;
   std::unique_ptr<http::Router> router_;
   std::string address_;
-  std::thread thread_;  // takes connections
+  std::thread thread_;  // accepts connections
 };
 
 }  // namespace marble::server

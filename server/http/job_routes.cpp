@@ -55,7 +55,7 @@ Expected<v1::ListJobsRequest> list_request(const httplib::Request& request) {
   return message;
 }
 
-// Of the characters of an id nothing else can come; a header is no place to find out.
+// An id has only these characters; any other is replaced, because a header must not contain it.
 void set_file_name(httplib::Response& response, const std::string& id, const char* ending) {
   std::string name = "marble-";
   for (const char c : id) name += std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' ? c : '_';
@@ -72,7 +72,7 @@ std::string trace_csv(const JobRecord::Trace& trace) {
   return text;
 }
 
-/// Answers with what `ask` fills, for the job that the path names.
+/// Replies with what `ask` fills, for the job that the path names.
 template <class Response, class Ask>
 Answer of_job(const ServiceParts& parts, Places& places, Ask ask) {
   return [&parts, &places, ask](const httplib::Request& request, const Identity& caller,
@@ -85,11 +85,11 @@ Answer of_job(const ServiceParts& parts, Places& places, Ask ask) {
   };
 }
 
-// Of request and answer while a bundle is made, to a byte of them: they, their messages, their texts and the
-// file.
+// Memory per byte of request and result while a bundle is made: the bytes, their messages, their texts and
+// the file.
 constexpr std::int64_t kBytesOfBundle = 8;
 
-// On a thread that may wait.
+// Called on a thread that may block.
 Expected<void> reply_bundle(const ServiceParts& parts, Places& places, const Identity& caller,
                             const std::string& id, httplib::Response& response) {
   const auto gathered = std::make_shared<std::promise<Expected<GatheredBundle>>>();
@@ -100,7 +100,7 @@ Expected<void> reply_bundle(const ServiceParts& parts, Places& places, const Ide
   const auto parts_size = static_cast<std::int64_t>((*bundle)->request.size() + (*bundle)->answer.size());
   auto memory = places.hold(caller.client, kBytesOfBundle * parts_size);
   if (!memory) return unexpected(memory.error());
-  // The bundle counts among those that are sent, until its file is.
+  // Counts the bundle among those being sent until its file is sent.
   struct Sent {
     GatheredBundle bundle;
     std::string file;

@@ -1,4 +1,4 @@
-// /api/info and /api/jobs: what Server.GetInfo and Jobs.List, Get and Cancel tell, as JSON.
+// /api/info and /api/jobs: the data of Server.GetInfo and of Jobs.List, Get and Cancel as JSON.
 #pragma once
 
 #include "http/requests/places.h"

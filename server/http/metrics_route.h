@@ -6,7 +6,7 @@
 
 namespace marble::server::http {
 
-/// Nothing is there if metrics are off.
+/// Adds nothing if metrics are off.
 void add_metrics_route(Router& router, const ServiceParts& parts);
 
 }  // namespace marble::server::http

@@ -1,4 +1,4 @@
-// The files of server/page, compiled in: page_assets.cpp is made from them by page_assets.cmake.
+// The files of server/page, compiled in: page_assets.cmake generates page_assets.cpp from them.
 #pragma once
 
 #include <span>
@@ -9,7 +9,7 @@ namespace marble::server::http {
 struct PageAsset {
   std::string_view name;  ///< "index.html"
   std::string_view bytes;
-  std::string_view hash;  ///< of the bytes, in hexadecimal
+  std::string_view hash;  ///< hash of the bytes, in hexadecimal
 };
 
 [[nodiscard]] std::span<const PageAsset> page_assets();

@@ -28,7 +28,7 @@ const char* type_of(std::string_view name) {
   return "application/octet-stream";
 }
 
-// Browsers keep a copy and ask each time whether it still holds: a new binary has a new page.
+// Browsers keep a copy and ask each time whether it is still valid: a new binary has a new page.
 Router::Handler send(const PageAsset& asset) {
   return [&asset, etag = '"' + std::string(asset.hash) + '"', type = type_of(asset.name)](
              const httplib::Request& request, httplib::Response& response) {
@@ -77,7 +77,7 @@ void add_recent_routes(Router& router, const ServiceParts& parts,
   tell("/api/clients", [&parts](const Identity& caller) { return clients_for(parts, caller); });
 }
 
-// What it looks at lives longer than the pulse, which may have it in hand when all else has gone.
+// The objects that it reads outlive the timer, which may still use it after everything else has ended.
 std::shared_ptr<const ServerHistory> begin_history(const ServiceParts& parts) {
   const auto look = [&scheduler = parts.scheduler, started = parts.started] {
     const Counters counters = scheduler.counters();

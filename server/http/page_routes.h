@@ -1,4 +1,4 @@
-// The page and what it needs: / and /assets/NAME from the binary, and what the server did lately.
+// The page and its data: / and /assets/NAME from the binary, and the recent history of the server.
 #pragma once
 
 #include "http/requests/router.h"
@@ -9,11 +9,11 @@ namespace marble::server::http {
 
 void add_page_routes(Router& router);
 
-/// /api/history and /api/clients.
+/// Adds /api/history and /api/clients.
 void add_recent_routes(Router& router, const ServiceParts& parts,
                        std::shared_ptr<const ServerHistory> history);
 
-/// Is looked after by the pulse as long as it is kept.
+/// The timer updates it as long as it is kept.
 [[nodiscard]] std::shared_ptr<const ServerHistory> begin_history(const ServiceParts& parts);
 
 }  // namespace marble::server::http

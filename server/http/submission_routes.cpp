@@ -21,17 +21,17 @@
 namespace marble::server::http {
 namespace {
 
-// Of a body and what is made of it, to a byte of the body: its text, numbers in vectors and in a message.
+// Memory per byte of a body: its text, numbers in vectors and in a message.
 constexpr std::int64_t kBytesOfBody = 8;
-// Of an answer while it is read, to a byte of it: whole numbers of one byte become four.
+// Memory per byte of a result while it is read: integers of one byte become four.
 constexpr std::int64_t kBytesOfAnswer = 4;
 
-constexpr std::int64_t kAllFields = std::numeric_limits<std::int64_t>::max() / 4;  // of what is ours
+constexpr std::int64_t kAllFields = std::numeric_limits<std::int64_t>::max() / 4;  // for its own messages
 
-constexpr std::chrono::milliseconds kLook{100};  // at whether there is still something to wait for
-constexpr std::chrono::seconds kMoment{5};       // in which a job that has ended has its answer
+constexpr std::chrono::milliseconds kLook{100};  // between checks whether the wait is still needed
+constexpr std::chrono::seconds kMoment{5};       // time in which a job that has ended gets its result
 
-// The text of a body, of a caller who is known.
+// Reads the text of a body, for an identified caller.
 Expected<std::string> read_body(const httplib::ContentReader& read, Places& places, std::size_t length,
                                 int* status) {
   std::optional<Places::Place> stays;
@@ -53,7 +53,7 @@ Expected<std::string> read_body(const httplib::ContentReader& read, Places& plac
                             "must have the " + std::to_string(length) + " of Content-Length, in time"));
 }
 
-// Its response, or why not, and the status if that is none of the error's.
+// Fills the response, or returns an error, and the status if it differs from the error's.
 Expected<void> submit_body(const ServiceParts& parts, Places& places, const httplib::Request& request,
                            const httplib::ContentReader& read, Origin& origin, httplib::Response& response,
                            int* status) {
@@ -119,7 +119,7 @@ Expected<double> wait_of(const ServiceParts& parts, const httplib::Request& requ
   return unexpected(invalid("wait", text, rule.str()));
 }
 
-/// One that waits for an answer counts as one that watches.
+/// A request that waits for a result counts as a watcher.
 class Waiting {
  public:
   [[nodiscard]] static Expected<std::unique_ptr<Waiting>> begin(const ServiceParts& parts, Places& places,
@@ -152,8 +152,8 @@ Error deleted(const std::string& id) {
   return failure(ErrorCode::not_found, "job_id", id, "was deleted, and its answer with it");
 }
 
-// The answer, once it is there; null where it is not in time. Errors: not_found (let go meanwhile),
-// unavailable (the server ends).
+// Returns the result once it exists; null if it does not in time. Errors: not_found (dropped meanwhile),
+// unavailable (the server shuts down).
 Expected<ResultStore::Shared> wait_for_answer(const ServiceParts& parts, const std::string& id,
                                               Clock::time_point until) {
   const auto told = std::make_shared<std::promise<ResultStore::Shared>>();
@@ -210,7 +210,7 @@ Answer answering(const ServiceParts& parts, Places& places) {
       reply_failed_job(response, id, result->answer.error());
       return {};
     }
-    grpc::ByteBuffer bytes(*result->answer);  // reading takes a buffer's bytes out of it
+    grpc::ByteBuffer bytes(*result->answer);  // reading removes a buffer's bytes
     auto memory = places.hold(caller.client, kBytesOfAnswer * static_cast<std::int64_t>(bytes.Length()));
     if (!memory) return unexpected(memory.error());
     const auto message = std::make_shared<v1::SolveResponse>();

@@ -1,4 +1,4 @@
-// The submitted jobs of the HTTP port: a problem in, its answer out, both let go.
+// Submitted jobs on the HTTP port: submits a problem, returns its result, deletes both.
 #pragma once
 
 #include "http/requests/places.h"

@@ -1,4 +1,4 @@
-// How many of something there may be at once: of all clients, and of one.
+// Limits the number of concurrent uses of something, in total and per client.
 #pragma once
 
 #include <map>
@@ -13,10 +13,11 @@ namespace marble::server {
 /// Thread-safe.
 class ClientLimit {
  public:
-  /// `setting` is the server's limit `most`, and what it counts; the limit of one client is client_`setting`.
+  /// `setting` names the server's limit `most`, and what it counts; the limit of one client is
+  /// client_`setting`.
   ClientLimit(std::string setting, int most) : setting_(std::move(setting)), most_(most) {}
 
-  /// Every enter() that succeeds has its leave(). Errors: resource_exhausted, for the server's limit or the
+  /// Each successful enter() needs its leave(). Errors: resource_exhausted, for the server's limit or the
   /// client's, `most_own`.
   [[nodiscard]] Expected<void> enter(const std::string& client, int most_own) ABSL_LOCKS_EXCLUDED(mutex_) {
     const auto full = [](std::string field, std::string bound) {

@@ -1,4 +1,4 @@
-// Every job by its id: those that wait or run, and a bounded history of those that have finished.
+// All jobs by id: those that wait or run, and a bounded history of the finished ones.
 #pragma once
 
 #include <deque>
@@ -14,9 +14,9 @@
 namespace marble::server {
 
 struct BoardLimits {
-  int history_jobs = 1000;  ///< finished jobs that are remembered
-  int trace_rows = 256;     ///< of each job
-  int trace_pairs = 128;    ///< of a problem whose sides are kept
+  int history_jobs = 1000;  ///< finished jobs that are kept
+  int trace_rows = 256;     ///< maximum trace length of each job
+  int trace_pairs = 128;    ///< pairs of a problem whose sides are kept
 };
 
 /// Thread-safe.
@@ -27,13 +27,13 @@ class JobBoard {
 
   explicit JobBoard(const BoardLimits& limits) : limits_(limits) {}
 
-  /// A record of a job that is about to be admitted; nobody sees it yet.
+  /// Makes the record of a job that is about to be admitted; no one sees it yet.
   [[nodiscard]] Record make(JobDescription description, const Options& options) const;
-  /// Now everybody does. Nothing, if it is there.
+  /// Makes it visible. No effect if it is there already.
   void add(const Record& record) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// It has finished; the oldest finished ones beyond the limit are forgotten.
+  /// Marks it as finished; the oldest finished jobs beyond the limit are removed.
   void finish(const Record& record) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Nobody finds it any more. One that has not finished stays active until it has, for those who watch.
+  /// Removes it from the index. A job that has not finished stays active until it has, for its watchers.
   void forget(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
 
   [[nodiscard]] Record find(const std::string& id) const ABSL_LOCKS_EXCLUDED(mutex_);
@@ -41,20 +41,21 @@ class JobBoard {
     std::vector<Record> records;
     bool more = false;
   };
-  /// Newest first, at most `limit` that are visible and pass the filter, those accepted before `before_id`
-  /// unless that is empty. Not found if it is not there or not visible, in the same words.
+  /// Returns at most `limit` jobs, newest first, that are visible and pass the filter, accepted before
+  /// `before_id` unless that is empty. If `before_id` does not exist or is not visible, the error is the
+  /// same not_found.
   [[nodiscard]] Expected<Page> list(const Filter& visible, const Filter& filter, std::size_t limit,
                                     const std::string& before_id) const ABSL_LOCKS_EXCLUDED(mutex_);
 
   using Records = std::shared_ptr<const std::vector<Record>>;
-  /// Those that have not finished, in the order of acceptance. One list for all who ask, the same until a job
-  /// comes or goes.
+  /// Returns the unfinished jobs in order of acceptance. All callers share one list, which is the same until
+  /// a job arrives or ends.
   [[nodiscard]] Records active() const ABSL_LOCKS_EXCLUDED(mutex_);
   struct Finished {
-    std::vector<Record> records;  ///< in the order they finished
-    std::int64_t skipped = 0;     ///< that are forgotten already
+    std::vector<Record> records;  ///< in the order in which they finished
+    std::int64_t skipped = 0;     ///< number of those that were removed already
   };
-  /// Those that have finished since the cursor, which moves on.
+  /// Returns the jobs that have finished since the cursor, and advances it.
   [[nodiscard]] Finished finished_since(std::int64_t& cursor) const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] std::int64_t finished() const ABSL_LOCKS_EXCLUDED(mutex_);
 
@@ -63,10 +64,10 @@ class JobBoard {
 
   const BoardLimits limits_;
   mutable Mutex mutex_;
-  std::map<std::int64_t, Record> records_ ABSL_GUARDED_BY(mutex_);  // by order of acceptance
+  std::map<std::int64_t, Record> records_ ABSL_GUARDED_BY(mutex_);  // key: order of acceptance
   std::unordered_map<std::string, std::int64_t> numbers_ ABSL_GUARDED_BY(mutex_);
   std::map<std::int64_t, Record> active_ ABSL_GUARDED_BY(mutex_);
-  mutable Records active_list_ ABSL_GUARDED_BY(mutex_);  // of active_; null: to be made anew
+  mutable Records active_list_ ABSL_GUARDED_BY(mutex_);  // list of active_; null: must be rebuilt
   std::deque<Record> finished_ ABSL_GUARDED_BY(mutex_);
   std::int64_t next_number_ ABSL_GUARDED_BY(mutex_) = 0;
   std::int64_t finished_count_ ABSL_GUARDED_BY(mutex_) = 0;

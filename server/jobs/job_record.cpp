@@ -66,7 +66,7 @@ void JobRecord::report(const Progress& progress) {
 void JobRecord::add_level(const ScenarioLevel& level) {
   const MutexLock lock(mutex_);
   snapshot_.levels.push_back(level);
-  snapshot_.levels.back().x = {};  // lent
+  snapshot_.levels.back().x = {};  // borrowed from the caller
   changed();
 }
 
@@ -93,7 +93,7 @@ void JobRecord::take(const Solution& solution) {
   snapshot_.objective = solution.objective;
   snapshot_.violations = solution.violations;
   take_tree(solution);
-  // Of a tree whose answer is not solved and has no gap, the newest row knows the incumbent.
+  // Of a tree whose solution is not solved and has no gap, the newest row has the incumbent.
   if (solution.nodes == 0 || std::isfinite(solution.gap) || is_solved(solution.status))
     snapshot_.incumbent = solution.nodes == 0 ? Progress{}.incumbent : solution.objective;
   snapshot_.proved = solution.proved;

@@ -1,4 +1,4 @@
-// What is known of a job from its acceptance until it is forgotten: for lists, watchers and logs.
+// The state of a job from its acceptance until its record is removed: for lists, watchers and logs.
 #pragma once
 
 #include <atomic>
@@ -30,7 +30,7 @@ using Clock = std::chrono::steady_clock;
 enum class JobKind { solve, batch, submitted, session, scenarios, coupled, array };
 enum class JobState { queued, running, idle, finished };
 
-/// What does not change during a job's life.
+/// Properties that do not change during a job's life.
 struct JobDescription {
   std::string id = {};
   JobKind kind = JobKind::solve;
@@ -38,28 +38,28 @@ struct JobDescription {
   std::string client = {};                            ///< who may see it, besides observers
   std::string request_id = {}, name = {}, peer = {};  ///< as the client gave them
   Index variables = 0, equalities = 0, inequalities = 0, pairs = 0;
-  std::optional<TraceContext> trace = {};  ///< of the call it came by
+  std::optional<TraceContext> trace = {};  ///< trace of the call that submitted it
   std::chrono::system_clock::time_point accepted = std::chrono::system_clock::now();
 };
 
-/// Where a job that waits stands.
+/// The place of a job that waits.
 struct QueuePlace {
-  int position = 0;               ///< jobs that will be taken before it, as things are
-  double estimated_wait_s = 0.0;  ///< from the mean of recent solves
+  int position = 0;               ///< jobs that will be taken before it, by the current state
+  double estimated_wait_s = 0.0;  ///< estimate from the mean of recent solves
 };
 
-/// How far an array is.
+/// Progress of an array.
 struct ArrayCounts {
   std::int64_t elements = 0;
-  std::int64_t done = 0, solved = 0, failed = 0;  ///< done: with an answer or an error
+  std::int64_t done = 0, solved = 0, failed = 0;  ///< done: with a result or an error
   std::int64_t iterations = 0, factorizations = 0;
 };
 
-/// What does.
+/// Properties that change.
 struct JobSnapshot {
   JobState state = JobState::queued;
-  std::optional<Status> status;  ///< of the answer; of a session, the newest
-  std::optional<Error> error;    ///< why there is none
+  std::optional<Status> status;  ///< status of the result; in a session, of the newest result
+  std::optional<Error> error;    ///< why there is no result
   std::int64_t iterations = 0, factorizations = 0;
   double objective = 0.0;
   Violations violations;
@@ -72,18 +72,18 @@ struct JobSnapshot {
   double queue_s = 0.0, total_s = 0.0;
   std::int64_t updates = 0;
   std::int64_t memory_bytes = 0, result_bytes = 0;
-  std::vector<ScenarioLevel> levels = {};  ///< of a scenario solve, without x
+  std::vector<ScenarioLevel> levels = {};  ///< levels of a scenario solve, without x
   std::string detail = {};                 ///< the numbers that justify the status
-  std::optional<ArrayCounts> array = {};   ///< of an array only
-  std::string server = {};                 ///< of several with one store: which has it, or had it last
-  std::optional<std::chrono::system_clock::time_point> finished = {};  ///< when, once it has
-  std::int64_t version = 0;  ///< grows with every change but progress
+  std::optional<ArrayCounts> array = {};   ///< set only for an array
+  std::string server = {};                 ///< if several share a store: which runs it, or ran it last
+  std::optional<std::chrono::system_clock::time_point> finished = {};  ///< when it finished, if it has
+  std::int64_t version = 0;  ///< grows with every change except progress
 };
 
-/// The worker writes, any number of threads read.
+/// Written by the worker, read by any number of threads.
 class JobRecord final : public ProgressSink {
  public:
-  /// Keeps `trace_rows` rows, and the sides of its pairs, an even sample if there are more than
+  /// Keeps `trace_rows` rows, and the sides of the pairs, as an even sample if there are more than
   /// `trace_pairs`.
   JobRecord(JobDescription description, const Options& options, int trace_rows, int trace_pairs = 0);
 
@@ -98,35 +98,35 @@ class JobRecord final : public ProgressSink {
   void set_options(const Options& options) ABSL_LOCKS_EXCLUDED(mutex_);
   void report(const Progress& progress) override ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool wants_pairs() const override { return wants_pairs_; }
-  /// What its solve is doing.
+  /// The current activity of its solve.
   [[nodiscard]] ActivityMonitor& activity() { return activity_; }
   [[nodiscard]] const ActivityMonitor& activity() const { return activity_; }
-  /// A level of a scenario solve is done.
+  /// Adds a finished level of a scenario solve.
   void add_level(const ScenarioLevel& level) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Those from number `first` on.
+  /// Returns the levels from number `first` on.
   [[nodiscard]] std::vector<ScenarioLevel> levels_from(std::size_t first) const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// One solve of a session has ended.
+  /// Records the end of one solve of a session.
   void answered(const Expected<Solution>& solution, double total_s) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// The last word.
+  /// Records the end of the job.
   void finished(const Expected<Solution>& solution, double queue_s, double total_s)
       ABSL_LOCKS_EXCLUDED(mutex_);
-  /// The last word on a session: why it ended, nothing if its client closed it.
+  /// Records the end of a session: the reason, or nothing if its client closed it.
   void closed(const std::optional<Error>& reason) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Elements of an array have ended; its answers take so many bytes.
+  /// Records that elements of an array have ended; its results take `result_bytes`.
   void set_array(const ArrayCounts& counts, std::int64_t result_bytes) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// The last word on an array: why it ended before all its elements had, if so.
+  /// Records the end of an array: the reason, if it ended before all its elements.
   void array_ended(const std::optional<Error>& reason, double total_s) ABSL_LOCKS_EXCLUDED(mutex_);
   void set_result_bytes(std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
   struct Trace {
     std::vector<Progress> rows;
     int stride = 1;
-    std::int64_t cursor = 0;  ///< to read on from
+    std::int64_t cursor = 0;  ///< position to read on from
     std::vector<PairHistory::Frame> pairs = {};
   };
-  /// What it was when it had finished, before the server was started anew, or what it is on another server.
-  /// Without rows or pairs those that are there stay.
+  /// Restores the state that it had when it finished, before the server restarted, or its state on another
+  /// server. Without rows or pairs, the existing ones stay.
   void restore(JobSnapshot snapshot, Trace trace) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Rows of another server, after `skipped` that are not told.
+  /// Appends rows of another server, after `skipped` rows that are not reported.
   void follow(std::int64_t skipped, const std::vector<Progress>& rows) ABSL_LOCKS_EXCLUDED(mutex_);
   void set_server(const std::string& server) ABSL_LOCKS_EXCLUDED(mutex_);
 
@@ -135,23 +135,23 @@ class JobRecord final : public ProgressSink {
   [[nodiscard]] bool is_running() const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Options options() const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Trace trace() const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Changes with every change, progress too.
+  /// Changes with every change, including progress.
   [[nodiscard]] std::int64_t changes() const {
     return changes_.load(std::memory_order_acquire) + activity_.changes();
   }
   [[nodiscard]] ProgressHistory::Rows read(std::int64_t& cursor) const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Progress newest() const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Nothing if its pairs are not kept, or nothing was told yet.
+  /// Empty if its pairs are not kept, or none were reported yet.
   [[nodiscard]] std::optional<PairHistory::Frame> newest_pairs() const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// While somebody watches, its newest rows are kept even when it has finished.
+  /// While there are watchers, its newest rows are kept even after it has finished.
   void watch(bool begin) ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool is_watched() const ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// How its end and its place can be asked for; set by who runs it, empty once it has finished.
+  /// Sets how to request its end and its place; called by the owner, empty once the job has finished.
   void set_cancel(std::function<void()> cancel) ABSL_LOCKS_EXCLUDED(mutex_);
   void set_place(std::function<QueuePlace()> place) ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] QueuePlace place() const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Asks for its end. Does nothing to a finished one.
+  /// Requests its end. No effect on a finished job.
   void cancel() ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
@@ -168,7 +168,7 @@ class JobRecord final : public ProgressSink {
   mutable Mutex mutex_;
   Options options_ ABSL_GUARDED_BY(mutex_);
   JobSnapshot snapshot_ ABSL_GUARDED_BY(mutex_);
-  std::int64_t earlier_iterations_ ABSL_GUARDED_BY(mutex_) = 0;  // of a session's solves before this one
+  std::int64_t earlier_iterations_ ABSL_GUARDED_BY(mutex_) = 0;  // of earlier solves of the session
   std::int64_t earlier_factorizations_ ABSL_GUARDED_BY(mutex_) = 0;
   ProgressHistory history_ ABSL_GUARDED_BY(mutex_);
   PairHistory pairs_ ABSL_GUARDED_BY(mutex_);

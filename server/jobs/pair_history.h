@@ -1,5 +1,5 @@
-// The two sides of a job's pairs at a few iterations: what a picture of s against t shows. Of many pairs an
-// even sample, the same in all frames.
+// The two sides of a job's pairs at a few iterations, for a plot of s against t. Of many pairs an even
+// sample, the same in all frames.
 #pragma once
 
 #include <algorithm>
@@ -15,14 +15,14 @@ class PairHistory {
  public:
   static constexpr std::size_t kMostFrames = 16;
 
-  /// Single precision is enough to look at.
+  /// Single precision is enough for a plot.
   struct Frame {
     std::int32_t iteration = 0;
     double kappa = 0.0;
     std::vector<float> s, t;
   };
 
-  /// Keeps so many pairs of a frame.
+  /// Keeps at most `most_pairs` pairs of a frame.
   explicit PairHistory(std::size_t most_pairs) : most_pairs_(most_pairs) {}
 
   void put(const Progress& progress) {
@@ -38,7 +38,7 @@ class PairHistory {
   }
 
   [[nodiscard]] const Frame& newest() const { return newest_; }
-  /// Every stride-th, oldest first, and the newest.
+  /// Returns every stride-th frame, oldest first, and the newest.
   [[nodiscard]] std::vector<Frame> frames() const {
     std::vector<Frame> frames = frames_;
     if (count_ > 0 && (count_ - 1) % stride_ != 0) frames.push_back(newest_);
@@ -46,7 +46,7 @@ class PairHistory {
   }
   [[nodiscard]] bool empty() const { return count_ == 0; }
 
-  /// The frames of a solve that has ended.
+  /// Restores the frames of a solve that has ended.
   void restore(std::vector<Frame> frames) {
     if (frames.empty()) return;
     newest_ = frames.back();
@@ -54,7 +54,7 @@ class PairHistory {
     count_ = 1;  // the newest is among them
   }
 
-  /// Another solve begins.
+  /// Starts the history of another solve.
   void begin() {
     frames_.clear();
     stride_ = 1;
@@ -62,14 +62,14 @@ class PairHistory {
   }
 
  private:
-  // The k-th of `kept` is pair k * pairs / kept: clients know which by both numbers.
+  // The k-th of `kept` is pair k * pairs / kept: clients compute the pair from both numbers.
   void sample(std::span<const double> all, std::vector<float>& kept) const {
     kept.resize(std::min(all.size(), most_pairs_));
     for (std::size_t k = 0; k < kept.size(); ++k)
       kept[k] = static_cast<float>(all[k * all.size() / kept.size()]);
   }
 
-  // Keeps every other frame. The first stays where it is: moved onto itself it would lose its sides.
+  // Keeps every other frame. The first stays in place: a move onto itself would lose its sides.
   void thin() {
     std::size_t kept = 1;
     for (std::size_t at = 2; at < frames_.size(); at += 2) frames_[kept++] = std::move(frames_[at]);

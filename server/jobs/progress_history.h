@@ -1,5 +1,5 @@
-// What a job's solve has told so far: a bounded trace of the whole, thinned evenly, and its newest rows for
-// whoever watches. The worker puts rows in and never waits; readers come back with a cursor.
+// The progress of a job's solve so far: a bounded trace of the whole, thinned evenly, and its newest rows
+// for watchers. The worker adds rows and never waits; readers continue with a cursor.
 #pragma once
 
 #include <algorithm>
@@ -20,7 +20,7 @@ class ProgressHistory {
 
   struct Rows {
     std::vector<Progress> rows;  ///< oldest first, without vectors
-    std::int64_t skipped = 0;    ///< of those after the cursor, how many are not there any more
+    std::int64_t skipped = 0;    ///< number of dropped rows after the cursor
   };
 
   void put(const Progress& progress) {
@@ -37,14 +37,14 @@ class ProgressHistory {
     ++count_;
   }
 
-  /// So many rows were put in that nobody can tell any more.
+  /// Counts rows that were added but cannot be reported any more.
   void skip(std::int64_t rows) {
     count_ += rows;
     recent_.assign(kRecent, newest_);
     known_from_ = count_;
   }
 
-  /// Rows since the cursor, which moves on to the newest.
+  /// Returns the rows since the cursor, which advances to the newest.
   [[nodiscard]] Rows read(std::int64_t& cursor) const {
     Rows result;
     const std::int64_t oldest = std::max(known_from_, count_ - static_cast<std::int64_t>(recent_.size()));
@@ -55,34 +55,34 @@ class ProgressHistory {
     return result;
   }
 
-  /// Every stride-th row of all, oldest first, and the newest.
+  /// Returns every stride-th row of all, oldest first, and the newest.
   [[nodiscard]] std::vector<Progress> trace() const {
     std::vector<Progress> rows = trace_;
     if (most_rows_ > 0 && count_ > first_ && (count_ - 1 - first_) % stride_ != 0) rows.push_back(newest_);
     return rows;
   }
   [[nodiscard]] int stride() const { return stride_; }
-  /// Rows put in so far; their number is the cursor of a reader who has seen them all.
+  /// Number of rows added so far; equals the cursor of a reader who has read them all.
   [[nodiscard]] std::int64_t count() const { return count_; }
   [[nodiscard]] const Progress& newest() const { return newest_; }
 
-  /// The trace of a solve that has ended.
+  /// Restores the trace of a solve that has ended.
   void restore(std::vector<Progress> trace, int stride) {
     if (most_rows_ == 0 || trace.empty()) return;
     trace_ = std::move(trace);
     newest_ = trace_.back();
     stride_ = stride;
     while (trace_.size() > most_rows_) thin();
-    count_ = first_ = known_from_ = 0;  // nobody reads on: what is told is the trace
+    count_ = first_ = known_from_ = 0;  // no reader continues: only the trace is reported
   }
 
-  /// Another solve begins: a trace of its own. Cursors go on.
+  /// Starts another solve with a trace of its own. Cursors stay valid.
   void begin() {
     trace_.clear();
     stride_ = 1;
     first_ = count_;
   }
-  /// Nobody will put or read rows any more: keeps the trace only.
+  /// No row will be added or read any more: keeps only the trace.
   void end() {
     recent_ = {};
     trace_.shrink_to_fit();
@@ -101,8 +101,8 @@ class ProgressHistory {
   std::vector<Progress> trace_, recent_;
   Progress newest_;
   int stride_ = 1;
-  std::int64_t count_ = 0, first_ = 0;  // rows of all solves; of those before this one
-  std::int64_t known_from_ = 0;         // those before were skipped
+  std::int64_t count_ = 0, first_ = 0;  // rows of all solves; rows before this solve
+  std::int64_t known_from_ = 0;         // earlier rows were skipped
 };
 
 }  // namespace marble::server

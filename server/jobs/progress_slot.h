@@ -1,5 +1,5 @@
-// The newest progress of one solve: the worker puts rows in, the stream takes them when it can. The worker
-// never waits; a reader that does not keep up costs bounded memory and loses the oldest rows.
+// The newest progress of one solve: the worker adds rows, the stream takes them when it can. The worker
+// never waits; a slow reader costs bounded memory and loses the oldest rows.
 #pragma once
 
 #include <algorithm>
@@ -15,18 +15,18 @@ namespace marble::server {
 class ProgressSlot {
  public:
   static constexpr std::size_t kMostRows = 128;
-  /// A message costs more than an iteration of a small problem: rows go out together, so many of them or the
-  /// rows of so long a time.
+  /// A message costs more than an iteration of a small problem, so rows are sent together: this many, or the
+  /// rows of this period.
   static constexpr std::size_t kTogether = kMostRows / 4;
   static constexpr std::chrono::milliseconds kTogetherFor{5};
-  /// A solve without a row for so long is worth telling what it does: sooner where nothing was told yet.
+  /// A solve without a row for this long reports its activity: sooner if nothing was reported yet.
   static constexpr std::chrono::milliseconds kQuietAtFirst{50}, kQuiet{400};
 
   struct Rows {
     std::vector<Progress> rows;      ///< oldest first, without vectors
-    std::vector<double> newest_z;    ///< the iterate of the last row, if it was asked for
+    std::vector<double> newest_z;    ///< the iterate of the last row, if requested
     std::int64_t skipped = 0;        ///< rows of this solve that were dropped so far
-    std::int64_t newly_skipped = 0;  ///< of them, since the last take
+    std::int64_t newly_skipped = 0;  ///< rows dropped since the last take
   };
 
   ProgressSlot() { ring_.reserve(kMostRows); }
@@ -43,7 +43,7 @@ class ProgressSlot {
     newest_z_.assign(progress.z.begin(), with_iterate ? progress.z.end() : progress.z.begin());
   }
 
-  /// A worker has begun with the solve.
+  /// A worker has begun the solve.
   void started() {
     const MutexLock lock(mutex_);
     quiet_until_ = Clock::now() + kQuietAtFirst;
@@ -60,7 +60,7 @@ class ProgressSlot {
     next_ = {};
   }
 
-  /// What came since the last take; no rows if nothing did.
+  /// Returns the rows since the last take; none if nothing is new.
   [[nodiscard]] Rows take() {
     const MutexLock lock(mutex_);
     std::rotate(ring_.begin(), ring_.begin() + static_cast<std::ptrdiff_t>(oldest_), ring_.end());
@@ -74,14 +74,14 @@ class ProgressSlot {
     return taken;
   }
 
-  /// Whether a solve goes on of which nothing was taken for a while.
+  /// True if a solve is running and nothing was taken from it for a while.
   [[nodiscard]] bool is_quiet() const {
     const MutexLock lock(mutex_);
     return Clock::now() >= quiet_until_;
   }
 
-  /// Whether there are rows that should go out now: a first one, and one with an iterate, at once; those that
-  /// came too soon after it when somebody asks later.
+  /// True if rows should be sent now: a first row, and one with an iterate, at once; rows that came too soon
+  /// after it at a later call.
   [[nodiscard]] bool due() const {
     const MutexLock lock(mutex_);
     if (ring_.empty()) return false;
@@ -93,12 +93,12 @@ class ProgressSlot {
 
   mutable Mutex mutex_;
   std::vector<Progress> ring_ ABSL_GUARDED_BY(mutex_);
-  std::size_t oldest_ ABSL_GUARDED_BY(mutex_) = 0;  // not 0 only while the ring is full
+  std::size_t oldest_ ABSL_GUARDED_BY(mutex_) = 0;  // 0 unless the ring is full
   std::vector<double> newest_z_ ABSL_GUARDED_BY(mutex_);
   Clock::time_point next_ ABSL_GUARDED_BY(mutex_) = {};  // when rows are due, even if few
   Clock::time_point quiet_until_ ABSL_GUARDED_BY(mutex_) = Clock::time_point::max();
   std::int64_t skipped_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::int64_t skipped_before_ ABSL_GUARDED_BY(mutex_) = 0;  // by the last take
+  std::int64_t skipped_before_ ABSL_GUARDED_BY(mutex_) = 0;  // value of skipped at the last take
 };
 
 }  // namespace marble::server

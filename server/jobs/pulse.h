@@ -1,4 +1,5 @@
-// One thread that looks after everything with a clock: idle sessions, old answers, late jobs, slow watchers.
+// One timer thread for everything that depends on time: idle sessions, old results, late jobs, slow
+// watchers.
 #pragma once
 
 #include <memory>
@@ -10,7 +11,7 @@
 
 namespace marble::server {
 
-/// Is looked after while it lives.
+/// Called by the timer while it lives.
 class Pulsed {
  public:
   virtual ~Pulsed() = default;

@@ -5,7 +5,7 @@
 
 namespace marble::server {
 
-constexpr std::int64_t kEntryBytes = 512;  // that an entry takes besides its answer
+constexpr std::int64_t kEntryBytes = 512;  // memory of an entry besides its result
 
 Expected<std::string> ResultStore::expect(const std::string& id, const std::string& client,
                                           const RequestName& name) {
@@ -80,7 +80,7 @@ bool ResultStore::put(const std::string& id, Result result, Clock::time_point no
     std::int64_t bytes =
         kEntryBytes + besides + (result.answer ? static_cast<std::int64_t>(result.answer->Length()) : 0);
     shared = std::make_shared<const Result>(std::move(result));
-    waiters = std::exchange(found->second.waiters, {});  // they get it whatever its size
+    waiters = std::exchange(found->second.waiters, {});  // they get it regardless of its size
     if (bytes > limits_.bytes) {
       const std::string size = std::to_string(bytes);
       found->second.result = std::make_shared<const Result>(Result{
@@ -117,7 +117,7 @@ void ResultStore::drop_request(Entry& entry) {
   entry.request.reset();
 }
 
-// Ids of those whose requests have gone.
+// Returns the ids of those whose requests were dropped.
 std::vector<std::string> ResultStore::make_room_for_answers() {
   std::vector<std::string> gone;
   while (!requests_.empty() && bytes_ + request_bytes_ > limits_.bytes) {

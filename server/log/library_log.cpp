@@ -10,7 +10,7 @@
 namespace marble::server {
 namespace {
 
-// Their functions know no context, and gRPC's threads may be in one while ours leaves main.
+// The libraries' functions have no context parameter, and gRPC's threads may be in one while main returns.
 struct Target {
   Mutex mutex;
   const Log* log ABSL_GUARDED_BY(mutex) = nullptr;
@@ -36,7 +36,7 @@ void write(const LogEvent& event, const char* path, int number, const std::strin
   if (line) log->write(*line, {{"message", message}, {"source", file + ":" + std::to_string(number)}});
 }
 
-// What the libraries call an error is most often a peer's doing: no fault of this server.
+// What the libraries call an error is mostly caused by a peer: no error of this server.
 LogLevel level_of(gpr_log_severity severity) {
   switch (severity) {
     case GPR_LOG_SEVERITY_ERROR:

@@ -1,13 +1,14 @@
-// What gRPC and protobuf have to say by themselves, such as of failed TLS handshakes or bytes that are no
-// message, as lines of our log.
+// Writes the messages of gRPC and protobuf, such as failed TLS handshakes or bytes that cannot be parsed, to
+// the server's log.
 #pragma once
 
 #include "log/log.h"
 
 namespace marble::server {
 
-/// Each has one log function a process, so there is one of these, made by main before they are used. Once it
-/// is gone they write nothing: standard error may stall, and nobody is to wait for its reader.
+/// Each library has one log function per process, so there is one object of this class, made by main before
+/// they are used. After its end they write nothing: standard error may stall, and no thread may wait for its
+/// reader.
 class LibraryLog {
  public:
   explicit LibraryLog(const Log& log);
@@ -15,7 +16,7 @@ class LibraryLog {
   LibraryLog(const LibraryLog&) = delete;
   LibraryLog& operator=(const LibraryLog&) = delete;
 
-  /// Has gRPC make the messages that the level of its component lets through.
+  /// Makes gRPC produce only messages that the level of its component allows.
   void follow_level() const;
 
  private:

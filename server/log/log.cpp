@@ -10,7 +10,7 @@
 namespace marble::server {
 namespace {
 
-// Text from clients is quoted and escaped, and broken UTF-8 replaced: no client can forge a line.
+// Text from clients is quoted and escaped, and invalid UTF-8 replaced: no client can forge a line.
 void append(std::string& line, const std::string& text) {
   const auto plain = [](char c) { return c >= ' ' && c <= '~' && c != '"' && c != '\\'; };
   if (std::all_of(text.begin(), text.end(), plain)) {
@@ -20,7 +20,7 @@ void append(std::string& line, const std::string& text) {
   }
 }
 
-// As JSON has them: null for what it has no number for.
+// As in JSON: null for numbers that JSON cannot express.
 void append(std::string& line, double number) {
   if (!std::isfinite(number)) {
     line += "null";

@@ -1,4 +1,4 @@
-// Structured log lines, as text (key=value) or JSON, one event a line.
+// Structured log lines, as text (key=value) or JSON, one event per line.
 #pragma once
 
 #include <spdlog/pattern_formatter.h>
@@ -19,8 +19,8 @@
 
 namespace marble::server {
 
-/// Thread-safe. A line below its component's level, or beyond what its client may log, costs no more than
-/// finding that out: ask for it, and make its fields only if it is given.
+/// Thread-safe. A line below its component's level, or beyond its client's limit, costs only this check:
+/// request the line first, and make its fields only if it is returned.
 class Log {
  public:
   using Value = std::variant<std::string, std::int64_t, double>;
@@ -30,26 +30,26 @@ class Log {
   };
   using Fields = std::vector<Field>;
 
-  /// A line that is to be written.
+  /// A line that must be written.
   struct Line {
     LogEvent event;
-    std::int64_t suppressed = 0;  ///< lines like it that were held back before it
+    std::int64_t suppressed = 0;  ///< similar lines that were suppressed before it
   };
 
   /// `format` is "text" or "json", `level` one of log_level's, for all components. Lines go to standard
-  /// error; a reader that is behind by `queue_bytes` misses some, which are counted: nobody waits for it.
+  /// error; a reader that is behind by `queue_bytes` misses some, which are counted: no thread waits for it.
   Log(const std::string& format, const std::string& level, std::int64_t queue_bytes);
 
-  /// From now on. A client's lines of one event are limited to `lines_per_s`; 0 is no limit.
+  /// Applies from now on. A client's lines of one event are limited to `lines_per_s`; 0 means no limit.
   void configure(const LogLevels& levels, double lines_per_s);
 
   [[nodiscard]] bool enabled(LogLevel level, Component component) const {
     return level >= levels_[static_cast<std::size_t>(component)].load(std::memory_order_relaxed);
   }
 
-  /// The line, if its level is on.
+  /// Returns the line, if its level is on.
   [[nodiscard]] std::optional<Line> line(const LogEvent& event) const;
-  /// The same for what a client can cause as often as it likes: nothing beyond its share. Errors always pass.
+  /// The same for events that a client can cause at any rate: empty beyond its limit. Errors always pass.
   [[nodiscard]] std::optional<Line> line(const LogEvent& event, std::string_view client) const;
   void write(const Line& line, const Fields& fields) const ABSL_LOCKS_EXCLUDED(mutex_);
 
@@ -63,11 +63,11 @@ class Log {
     write_if({spdlog::level::err, component, event}, fields);
   }
 
-  /// Lines that the reader has missed.
+  /// Number of lines that the reader has missed.
   [[nodiscard]] std::int64_t dropped() const { return writer_.dropped(); }
 
-  /// Tells how many lines the reader has missed, once it keeps up, and how many were held back of clients
-  /// that are silent now; at the end, of all.
+  /// Logs how many lines the reader has missed, once it keeps up, and how many were suppressed for clients
+  /// that are idle now; at the end, for all.
   void tell_suppressed(LogLimit::Time now);
   void tell_all_suppressed();
 
@@ -81,7 +81,7 @@ class Log {
   std::array<std::atomic<LogLevel>, kComponentNames.size()> levels_;
   mutable LogLimit limit_;
   mutable LogWriter writer_;
-  mutable Mutex mutex_;  // so that lines are in the order of their times
+  mutable Mutex mutex_;  // keeps lines in the order of their times
   mutable spdlog::pattern_formatter formatter_ ABSL_GUARDED_BY(mutex_);
   mutable spdlog::memory_buf_t formatted_ ABSL_GUARDED_BY(mutex_);
 };

@@ -11,17 +11,17 @@
 
 namespace marble::server {
 
-/// What a log line is about.
+/// The subject of a log line.
 enum class Component {
   server,     ///< start, stop, drain, reload
-  config,     ///< what is wrong with a configuration read again
+  config,     ///< errors in a configuration read again
   tls,        ///< certificates
-  access,     ///< callers who are not known, or lack a role
+  access,     ///< callers who are unknown, or lack a role
   admission,  ///< requests that did not become jobs
-  job,        ///< a line a solve
-  session,    ///< open, end; at debug a line an update
+  job,        ///< one line per solve
+  session,    ///< open, end; at debug one line per update
   http,       ///< the HTTP port
-  grpc,       ///< what gRPC itself has to say
+  grpc,       ///< messages of gRPC itself
 };
 constexpr std::array<const char*, 9> kComponentNames = {"server", "config",  "tls",  "access", "admission",
                                                         "job",    "session", "http", "grpc"};
@@ -31,11 +31,11 @@ constexpr std::array<const char*, 9> kComponentNames = {"server", "config",  "tl
 
 using LogLevel = spdlog::level::level_enum;
 
-/// The least level that is logged, by component.
+/// The lowest level that is logged, by component.
 using LogLevels = std::array<LogLevel, kComponentNames.size()>;
 
-/// `level` for all, but for what `overrides` says otherwise: "session=debug,access=warn". Errors:
-/// invalid_argument, field "log_levels", with the part that is wrong.
+/// Returns `level` for all components, except those in `overrides`: "session=debug,access=warn". Errors:
+/// invalid_argument, field "log_levels", with the invalid part.
 [[nodiscard]] Expected<LogLevels> log_levels_of(const std::string& level, const std::string& overrides);
 
 }  // namespace marble::server

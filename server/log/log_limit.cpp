@@ -6,7 +6,7 @@
 namespace marble::server {
 namespace {
 
-constexpr std::size_t kLongestClient = 256;  // bytes of a name that tell clients apart
+constexpr std::size_t kLongestClient = 256;  // bytes of a name that distinguish clients
 
 double burst(double per_s) { return std::max(1.0, per_s); }
 
@@ -54,7 +54,7 @@ void LogLimit::forget_oldest() {
   const Source& oldest = sources_.back();
   const Suppressed& last = oldest.suppressed;
   Total& total =
-      totals_.find({last.event.component, last.event.name})->second;  // there since the source's first line
+      totals_.find({last.event.component, last.event.name})->second;  // exists since the source's first line
   total.suppressed.lines += last.lines;
   total.last = std::max(total.last, oldest.last);
   by_key_.erase({last.event.component, last.event.name, last.client});

@@ -15,23 +15,24 @@
 namespace marble::server {
 namespace {
 
-constexpr std::chrono::milliseconds kTogether{10};  // lines that come so soon after others go out together
+constexpr std::chrono::milliseconds kTogether{10};  // lines that follow this soon are written together
 constexpr std::chrono::seconds kLastLines{2};       // for a slow reader at the end
 
-// As many whole lines as a pipe takes at once, so that nobody else's come in between (pipe(7), PIPE_BUF).
+// As many whole lines as a pipe takes at once, so that no lines of other processes come in between (pipe(7),
+// PIPE_BUF).
 std::string_view piece_of(std::string_view lines) {
   if (lines.size() <= PIPE_BUF) return lines;
   const std::size_t end = lines.rfind('\n', PIPE_BUF - 1);
   return lines.substr(0, (end != std::string_view::npos ? end : lines.find('\n')) + 1);
 }
 
-// True once all is written; false if that fails.
+// True once everything is written; false if that fails.
 bool write_all(int fd, std::string_view piece) {
   while (!piece.empty()) {
     const ssize_t written = ::write(fd, piece.data(), piece.size());
     if (written >= 0) {
       piece.remove_prefix(static_cast<std::size_t>(written));
-    } else if (errno == EAGAIN) {  // somebody who shares it wants it so
+    } else if (errno == EAGAIN) {  // set by another process that shares it
       pollfd writable{fd, POLLOUT, 0};
       ::poll(&writable, 1, -1);
     } else if (errno != EINTR) {
@@ -54,7 +55,7 @@ struct LogWriter::Queue {
   const std::size_t most;
   Mutex mutex;
   Condition work;  // idle and something came, or closing
-  Condition end;   // over
+  Condition end;   // the thread has ended
   std::string waiting ABSL_GUARDED_BY(mutex);
   std::size_t in_hand ABSL_GUARDED_BY(mutex) = 0;  // bytes that are being written
   std::int64_t untold ABSL_GUARDED_BY(mutex) = 0, dropped ABSL_GUARDED_BY(mutex) = 0;
@@ -70,7 +71,8 @@ void LogWriter::Queue::run() {
   end.notify_all();
 }
 
-// Waking somebody for each line would cost its writer more than the line: a nap gathers those that follow.
+// Waking the thread for each line would cost its caller more than the line: a short sleep collects the lines
+// that follow.
 bool LogWriter::Queue::next(std::string& lines) {
   const MutexLock lock(mutex);
   const auto nap_end = std::chrono::steady_clock::now() + kTogether;
@@ -117,7 +119,7 @@ LogWriter::~LogWriter() {
   if (over) {
     thread_.join();
   } else {
-    thread_.detach();  // it ends with the process
+    thread_.detach();  // the thread ends with the process
   }
 }
 

@@ -1,4 +1,4 @@
-// The log's lines on their way to a reader that may stall: whoever logs never waits for it.
+// Writes the log's lines to a reader that may stall: no thread that logs waits for it.
 #pragma once
 
 #include <cstdint>
@@ -8,31 +8,31 @@
 
 namespace marble::server {
 
-/// A thread of its own writes; lines that do not fit the queue meanwhile are dropped and counted.
+/// Writes on a thread of its own; lines that do not fit into the queue meanwhile are dropped and counted.
 /// Thread-safe.
 class LogWriter {
  public:
-  /// Writes to `fd`, which stays the caller's, and keeps at most `most_bytes` that are not written yet.
+  /// Writes to `fd`, which the caller still owns, and keeps at most `most_bytes` that are not written yet.
   LogWriter(int fd, std::int64_t most_bytes);
-  /// Returns when all is written, or soon after if the reader stalls.
+  /// Returns when everything is written, or soon after if the reader stalls.
   ~LogWriter();
   LogWriter(const LogWriter&) = delete;
   LogWriter& operator=(const LogWriter&) = delete;
 
   struct Backlog {
     bool stalls = false;      ///< something is not written yet, or the last write failed
-    std::int64_t untold = 0;  ///< lines that were dropped, and no line has told of it
+    std::int64_t untold = 0;  ///< dropped lines that no line has reported yet
   };
   [[nodiscard]] Backlog backlog() const;
-  /// Lines that were dropped since the beginning.
+  /// Number of lines dropped since the start.
   [[nodiscard]] std::int64_t dropped() const;
 
-  /// Takes the line, which ends with a newline and tells of `told` of the untold ones, or drops it.
+  /// Takes the line, which ends with a newline and reports `told` of the untold ones, or drops it.
   void put(std::string_view line, std::int64_t told);
 
  private:
   struct Queue;
-  const std::shared_ptr<Queue> queue_;  // the thread's too, which a stalled reader may hold beyond our end
+  const std::shared_ptr<Queue> queue_;  // shared with the thread, which outlives this if the reader stalls
   std::thread thread_;
 };
 

@@ -1,4 +1,4 @@
-// Whose jobs a caller may see and end.
+// Which jobs a caller may see and end.
 #pragma once
 
 #include "base/identity.h"
@@ -13,12 +13,12 @@ namespace marble::server {
   return caller.client == owner || caller.roles.has(Role::admin);
 }
 
-/// The same whether there is none or it is not the caller's to know of.
+/// The same whether the job does not exist or the caller may not know of it.
 [[nodiscard]] inline Error no_such_job(const std::string& id) {
   return failure(ErrorCode::not_found, "job_id", id, "is no job that is remembered");
 }
 
-/// The job, if the caller may see it.
+/// Returns the job, if the caller may see it.
 [[nodiscard]] inline Expected<std::shared_ptr<JobRecord>> find_job(const JobBoard& board,
                                                                    const Identity& caller,
                                                                    const std::string& id) {
@@ -27,7 +27,7 @@ namespace marble::server {
   return record;
 }
 
-/// Permission denied, to one who may see the job but not end it.
+/// Returns permission_denied, for a caller who may see the job but not end it.
 [[nodiscard]] inline Error not_to_end(const std::string& id) {
   return failure(ErrorCode::permission_denied, "job_id", id,
                  "is another client's job; ending it needs the role admin");

@@ -10,8 +10,8 @@
 namespace marble::server {
 namespace {
 
-// The number of an enumeration that counts from 0 where the message's counts from `first`; its own first if
-// unknown.
+// Converts a number of a message's enumeration, which counts from `first`, to one that counts from 0; its
+// first value if unknown.
 template <class Enum>
 Enum enum_of(int number, int first, Enum last) {
   const std::int64_t at = std::int64_t{number} - first;
@@ -160,7 +160,7 @@ JobRecord::Trace trace_of(const v1::Trace& message) {
   JobRecord::Trace trace;
   trace.stride = std::max(message.stride(), 1);
   for (const v1::Progress& row : message.rows()) {
-    trace.rows.push_back(without_vectors(progress_of(row)));  // they are the message's
+    trace.rows.push_back(without_vectors(progress_of(row)));  // the vectors belong to the message
   }
   for (const v1::PairSides& sides : message.pairs()) {
     trace.pairs.push_back({.iteration = sides.iteration(),

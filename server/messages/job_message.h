@@ -1,4 +1,4 @@
-// Jobs as messages.
+// Converts jobs to messages.
 #pragma once
 
 #include "jobs/job_record.h"
@@ -9,11 +9,11 @@ namespace marble::server {
 void to_message(const JobRecord& record, v1::JobInfo* message);
 void to_message(const JobRecord::Trace& trace, v1::Trace* message);
 void to_message(const PairHistory::Frame& frame, v1::PairSides* message);
-/// All that is told of one job.
+/// Writes everything that is reported of one job.
 void to_message(const JobRecord& record, v1::GetJobResponse* message);
 [[nodiscard]] v1::Priority to_message(Priority priority);
 
-/// A job that has finished, made again of what was told of it.
+/// Reconstruct a finished job from its message.
 [[nodiscard]] JobDescription description_of(const v1::JobInfo& message);
 [[nodiscard]] JobSnapshot snapshot_of(const v1::JobInfo& message);
 [[nodiscard]] JobRecord::Trace trace_of(const v1::Trace& message);

@@ -1,4 +1,4 @@
-// What can be asked about jobs, whatever way the question came.
+// Requests about jobs, for gRPC and HTTP.
 #pragma once
 
 #include "base/identity.h"
@@ -7,7 +7,7 @@
 
 namespace marble::server {
 
-/// Errors: invalid_argument, not_found (of the job to page on from).
+/// Errors: invalid_argument, not_found (the job to continue from).
 [[nodiscard]] Expected<void> list_jobs(const JobBoard& board, const Identity& caller,
                                        const v1::ListJobsRequest& request, v1::ListJobsResponse* response);
 /// Errors: not_found.

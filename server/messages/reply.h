@@ -1,4 +1,4 @@
-// What the calls answer alike.
+// Parts of replies that several calls share.
 #pragma once
 
 #include <grpcpp/support/status.h>
@@ -9,14 +9,14 @@
 
 namespace marble::server {
 
-/// The answer with what the service adds to it: the options in force and the times around the solve.
+/// Writes the solution and what the service adds to it: the options in force and the times around the solve.
 void fill_solution(const Outcome& outcome, const Options& options, v1::Solution* message);
 
-/// Fills the response from a job's outcome, or tells the error it ended with.
+/// Fills the response from a job's outcome, or returns its error.
 [[nodiscard]] Expected<void> fill_response(const JobRecord& job, const Outcome& outcome,
                                            v1::SolveResponse* response);
 
-/// The rows with the newest one's iterate.
+/// Writes the rows, with the newest one's iterate.
 void fill_rows(const ProgressSlot::Rows& taken, const JobRecord& record, v1::ProgressRows* message);
 
 }  // namespace marble::server

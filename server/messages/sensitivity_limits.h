@@ -1,4 +1,4 @@
-// How much may be asked of an answer's derivatives.
+// Limits on the derivatives of a solution that a request asks for.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@ namespace marble::server {
 struct SensitivityLimits {
   int rows = 0;
   int directions = 0;      ///< and losses
-  std::int64_t bytes = 0;  ///< of request and answer
+  std::int64_t bytes = 0;  ///< size of request and result
 
   [[nodiscard]] static SensitivityLimits of(const Config& config);
 };
@@ -20,7 +20,7 @@ struct SensitivityLimits {
 /// A request that fits its problem and the limits; views its message.
 struct CheckedSensitivity {
   SensitivityRequest request;
-  std::int64_t bytes = 0;  ///< of request and answer
+  std::int64_t bytes = 0;  ///< size of request and result
 };
 
 /// Error fields begin with "sensitivity.". Errors: invalid_argument, resource_exhausted (a limit).

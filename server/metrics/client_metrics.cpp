@@ -5,7 +5,7 @@
 namespace marble::server {
 namespace {
 
-// A name in a certificate may hold anything; the text format wants UTF-8.
+// A name in a certificate may contain any bytes; the text format requires UTF-8.
 std::string printable(std::string name) {
   std::replace_if(
       name.begin(), name.end(), [](unsigned char c) { return c < 0x20 || c >= 0x7f; }, '?');

@@ -1,4 +1,4 @@
-// What each client has solved, for a bounded number of clients.
+// Counts what each client has solved, for a bounded number of clients.
 #pragma once
 
 #include <string>
@@ -12,7 +12,7 @@ namespace marble::server {
 /// Thread-safe.
 class ClientMetrics {
  public:
-  /// The first `most` clients have series of their own, later ones share "other"; 0: none have.
+  /// The first `most` clients have series of their own, later ones share "other"; with 0, all clients do.
   ClientMetrics(MetricRegistry& registry, int most) : registry_(registry), most_(most) {}
 
   void solved(const std::string& client, double solve_s) ABSL_LOCKS_EXCLUDED(mutex_);

@@ -1,4 +1,5 @@
-// The metrics that are counted where things happen. Makes each series once; whoever counts keeps it.
+// The metrics that are counted where their events happen. Creates each series once; the counting code keeps
+// it.
 #pragma once
 
 #include <prometheus/counter.h>
@@ -10,8 +11,8 @@
 
 namespace marble::server {
 
-/// Thread-safe; so are the series. A series is made when it is first asked for, takes a lock and some
-/// hashing, and lives as long as the registry.
+/// Thread-safe; so are the series. A series is created at its first request, takes a lock and some hashing,
+/// and lives as long as the registry.
 class MetricRegistry {
  public:
   /// `values` are the labels' values, in the order of the metric's labels.

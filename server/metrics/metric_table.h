@@ -1,4 +1,4 @@
-// What metrics there are; the table is metrics.def.
+// The list of all metrics, from the table metrics.def.
 #pragma once
 
 #include <string>
@@ -25,12 +25,12 @@ struct MetricInfo {
 [[nodiscard]] const std::vector<MetricInfo>& metric_table();
 [[nodiscard]] const MetricInfo& info_of(Metric metric);
 
-/// Prometheus' word: "counter", "gauge" or "histogram".
+/// Returns the type in Prometheus's terms: "counter", "gauge" or "histogram".
 [[nodiscard]] const char* type_of(MetricKind kind);
-/// Upper bounds of a histogram's buckets, ascending: 50 µs to 100 s, 1 to 100000, or 1e-9 to 1.
+/// Returns the upper bounds of a histogram's buckets, ascending: 50 µs to 100 s, 1 to 100000, or 1e-9 to 1.
 [[nodiscard]] std::vector<double> buckets_of(MetricKind kind);
 
-/// The table for people, in Markdown: name, type, labels, help.
+/// Returns the table in Markdown: name, type, labels, help.
 [[nodiscard]] std::string metrics_markdown();
 
 }  // namespace marble::server

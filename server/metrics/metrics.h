@@ -1,4 +1,4 @@
-// Counts jobs, sessions and streams as they go.
+// Counts jobs, sessions and streams at their events.
 #pragma once
 
 #include <memory>
@@ -21,17 +21,17 @@ struct EndedJob {
   const Solution* solution = nullptr;  ///< null if nothing was solved
 };
 
-/// Thread-safe, and cheap: a few atomic additions a job, nothing an iteration.
+/// Thread-safe, and cheap: a few atomic additions per job, none per iteration.
 class Metrics {
  public:
-  /// Off, it counts nothing. `clients` have series of their own (client_metrics.h).
+  /// If off, it counts nothing. `clients` have series of their own (client_metrics.h).
   Metrics(bool on, int clients);
   ~Metrics();
   Metrics(const Metrics&) = delete;
   Metrics& operator=(const Metrics&) = delete;
 
   [[nodiscard]] bool on() const { return counted_ != nullptr; }
-  /// Where others count what they alone see.
+  /// For other modules that count their own events.
   [[nodiscard]] MetricRegistry& registry() { return registry_; }
   [[nodiscard]] const MetricRegistry& registry() const { return registry_; }
 
@@ -39,7 +39,7 @@ class Metrics {
   void update_superseded();
   void session_restarted();
   void update_refused(const Error& error);
-  /// `skipped`: dropped before these, since the last that were sent.
+  /// `skipped`: rows dropped before these, since the last that were sent.
   void progress_sent(std::size_t rows, std::int64_t skipped);
 
  private:

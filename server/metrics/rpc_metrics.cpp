@@ -26,7 +26,7 @@ static_assert(kCodes.size() == static_cast<std::size_t>(grpc::StatusCode::UNAUTH
 constexpr std::array kStandardMethods = {"grpc.health.v1.Health/Check", "grpc.health.v1.Health/Watch",
                                          "grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo"};
 
-// What is counted of one method.
+// The series of one method.
 struct MethodSeries {
   MethodSeries(MetricRegistry& registry, const std::string& method, bool is_raw)
       : raw(is_raw),
@@ -38,14 +38,14 @@ struct MethodSeries {
       ended[code] = &registry.counter(Metric::rpcs, {method, kCodes[code]});
   }
 
-  const bool raw;  // one of ours: its messages arrive as bytes, not parsed by gRPC
+  const bool raw;  // of this server: its messages arrive as bytes, not parsed by gRPC
   std::array<prometheus::Counter*, kCodes.size()> ended = {};
   prometheus::Gauge& open;
   prometheus::Histogram& seconds;
   prometheus::Counter &received_bytes, &sent_bytes;
 };
 
-// One call.
+// Counts one call.
 class RpcInterceptor final : public grpc::experimental::Interceptor {
  public:
   explicit RpcInterceptor(MethodSeries& series) : series_(series) { series_.open.Increment(); }
@@ -81,7 +81,7 @@ class RpcInterceptor final : public grpc::experimental::Interceptor {
   const std::chrono::steady_clock::time_point begun_ = std::chrono::steady_clock::now();
 };
 
-// Knows the methods there are; whatever else a client may ask for is "other".
+// Knows the existing methods; any other that a client calls is "other".
 class RpcInterceptors final : public grpc::experimental::ServerInterceptorFactoryInterface {
  public:
   explicit RpcInterceptors(MetricRegistry& registry) : other_(registry, "other", false) {
@@ -104,7 +104,7 @@ class RpcInterceptors final : public grpc::experimental::ServerInterceptorFactor
     methods_.emplace("/" + method, std::make_unique<MethodSeries>(registry, method, raw));
   }
 
-  std::unordered_map<std::string, std::unique_ptr<MethodSeries>> methods_;  // by gRPC's path
+  std::unordered_map<std::string, std::unique_ptr<MethodSeries>> methods_;  // key: gRPC's path
   MethodSeries other_;
 };
 

@@ -1,4 +1,4 @@
-// Counts every call of the gRPC server, whatever service it belongs to.
+// Counts every call of the gRPC server, of any service.
 #pragma once
 
 #include <grpcpp/support/server_interceptor.h>

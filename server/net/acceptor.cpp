@@ -11,8 +11,8 @@
 namespace marble::server {
 namespace {
 
-constexpr std::chrono::milliseconds kPeriod{25};  // a connection brings some ten megabytes meanwhile
-constexpr int kMostAtOnce = 64;                   // of one address, before the others have their turn
+constexpr std::chrono::milliseconds kPeriod{25};  // a connection brings about ten megabytes meanwhile
+constexpr int kMostAtOnce = 64;                   // from one address, before the others have their turn
 
 Descriptor spare() { return Descriptor(open("/dev/null", O_RDONLY | O_CLOEXEC)); }
 
@@ -36,7 +36,7 @@ Acceptor::~Acceptor() { stop(); }
 void Acceptor::stop() {
   if (!accepting_.joinable()) return;
   eventfd_write(stop_.get(), 1);
-  accepting_.join();  // not held up for long: the watch ends who pours
+  accepting_.join();  // not delayed for long: the watching thread closes flooding connections
   accepted_all_ = true;
   eventfd_write(look_.get(), 1);
   watching_.join();
@@ -69,7 +69,7 @@ void Acceptor::accept() {
     for (std::size_t i = 1; i < waited.size() && !short_of; ++i) {
       if (waited[i].revents != 0) short_of = !accept_all(waited[i].fd, *servers[i]);
     }
-    // Who was closed for it needs a moment to give its descriptors back.
+    // The connection that was closed for it needs a moment to release its descriptors.
     if (short_of) std::this_thread::sleep_for(kPeriod);
   }
 }
@@ -95,14 +95,14 @@ bool Acceptor::accept_all(int listener, grpc::experimental::ExternalConnectionAc
     Descriptor socket(accept4(listener, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
     if (!socket) return !is_shortage(errno) || out_of_descriptors(listener);
     const std::string peer = peer_of(socket.get());
-    if (peer.empty()) continue;  // gone already
+    if (peer.empty()) continue;  // closed already
     Descriptor copy(fcntl(socket.get(), F_DUPFD_CLOEXEC, 0));
     if (!copy) {
       connections_.turned_away(peer);
       return !connections_.make_room();
     }
-    // gRPC gets the copy: ThreadSanitizer sees accept4() here, but not that gRPC closes what it got, and
-    // would take the next use of the number for a race.
+    // gRPC gets the copy: ThreadSanitizer sees accept4() here, but not that gRPC closes the descriptor, and
+    // would report the next use of the number as a race.
     if (!connections_.add(std::move(socket), peer, Clock::now())) continue;
     eventfd_write(look_.get(), 1);
     grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters parameters;
@@ -113,7 +113,7 @@ bool Acceptor::accept_all(int listener, grpc::experimental::ExternalConnectionAc
   return true;
 }
 
-// Closes another connection, else the one that waits: it would be accepted, and refused, for ever.
+// Closes another connection, or else the one that waits: it would be accepted, and refused, forever.
 bool Acceptor::out_of_descriptors(int listener) {
   if (connections_.make_room()) return false;
   reserve_.reset();

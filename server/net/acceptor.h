@@ -1,5 +1,5 @@
-// Accepts the gRPC port's connections, hands them to gRPC, and has them watched. gRPC 1.51's own listener
-// never accepts again once the process has run out of descriptors (CVE-2023-4785), and knows no limit of
+// Accepts the gRPC port's connections, hands them to gRPC, and watches them. gRPC 1.51's own listener stops
+// accepting forever once the process has run out of descriptors (CVE-2023-4785), and has no limit on
 // connections.
 #pragma once
 
@@ -17,7 +17,7 @@ namespace marble::server {
 
 class Acceptor {
  public:
-  /// An address, and who serves its connections.
+  /// An address, and the server that serves its connections.
   struct Entrance {
     ListeningSocket socket;
     std::shared_ptr<grpc::experimental::ExternalConnectionAcceptor> server;
@@ -29,9 +29,10 @@ class Acceptor {
   Acceptor(const Acceptor&) = delete;
   Acceptor& operator=(const Acceptor&) = delete;
 
-  /// Accepts no more, and whoever tries is refused; watches no more. Before the servers shut down.
+  /// Stops accepting, so that new connections are refused, and stops watching. Called before the servers
+  /// shut down.
   void stop();
-  /// The sockets that are listened on, for as long as the acceptor lives.
+  /// Returns the listening sockets, valid while the acceptor lives.
   [[nodiscard]] std::vector<int> listeners() const;
 
  private:
@@ -42,10 +43,11 @@ class Acceptor {
 
   const std::vector<Entrance> entrances_;
   ConnectionTable& connections_;
-  const Descriptor stop_, look_;  // eventfds; there is somebody to look at, or to be looked at no more
-  Descriptor reserve_;            // given up for a moment to turn somebody away
+  const Descriptor stop_, look_;  // eventfds; new sockets to watch, or to stop watching
+  Descriptor reserve_;            // released for a moment to refuse a connection
   std::atomic<bool> accepted_all_ = false;
-  // Two: who is handed a connection reads from it before it returns, for as long as more keeps coming.
+  // Two threads: the one that hands over a connection reads from it before it returns, as long as more
+  // arrives.
   std::thread accepting_, watching_;
 };
 

@@ -10,7 +10,7 @@ namespace {
 
 using grpc::experimental::InterceptionHookPoints;
 
-// Whether a method's messages arrive as bytes; see solver_service.h, jobs_service.h.
+// True if a method's messages arrive as bytes; see solver_service.h, jobs_service.h.
 bool is_raw(const char* method) {
   for (const char* service : {"/marble.v1.Solver/", "/marble.v1.Jobs/"}) {
     if (std::strncmp(method, service, std::strlen(service)) == 0) return true;
@@ -53,7 +53,7 @@ class ConnectionCalls final : public grpc::experimental::ServerInterceptorFactor
 
   grpc::experimental::Interceptor* CreateServerInterceptor(grpc::experimental::ServerRpcInfo* info) override {
     auto connection = connections_.find(info->server_context()->peer());
-    if (connection == nullptr) return nullptr;                         // a unix socket's
+    if (connection == nullptr) return nullptr;                         // a unix socket
     return new ConnectionCall(std::move(connection), info->method());  // gRPC deletes it
   }
 

@@ -1,4 +1,4 @@
-// Tells the table of connections what calls take, so that bytes that none takes stand out.
+// Reports the bytes of calls to the table of connections, so that it finds bytes that no call has taken.
 #pragma once
 
 #include <grpcpp/support/server_interceptor.h>

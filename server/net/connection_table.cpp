@@ -16,14 +16,14 @@
 namespace marble::server {
 namespace {
 
-constexpr double kQuietBytesPerS = 16.0;  // pings and their answers, while no call does anything
+constexpr double kQuietBytesPerS = 16.0;  // pings and their replies, while no call is active
 constexpr std::chrono::seconds kAllPeriod{1};
-constexpr int kTcpClosed = 7;                   // the kernel's TCP_CLOSE: reset by the other side
-constexpr std::chrono::seconds kIdleGrace{10};  // gRPC ends an idle connection more gently: it comes first
+constexpr int kTcpClosed = 7;                   // the kernel's TCP_CLOSE: reset by the peer
+constexpr std::chrono::seconds kIdleGrace{10};  // gRPC goes first: it closes idle connections gently
 
 bool is_unix(const std::string& peer) { return peer.rfind("unix", 0) == 0; }
 
-// Nothing of a unix socket.
+// Empty for a unix socket.
 std::optional<std::int64_t> bytes_received(int socket) {
   tcp_info info = {};
   socklen_t length = sizeof info;
@@ -72,7 +72,7 @@ bool ConnectionTable::add(Descriptor copy, const std::string& peer, Clock::time_
       connections_[socket] = connection;
       ++of_host_[host];
       if (is_unix(peer)) {
-        connection->known_ = true;  // who may open the socket's file is
+        connection->known_ = true;  // authenticated by the permission to open the socket's file
       } else {
         by_peer_[peer] = connection;
         connection->stranger_ = strangers_.insert(strangers_.end(), connection.get());
@@ -88,8 +88,8 @@ bool ConnectionTable::add(Descriptor copy, const std::string& peer, Clock::time_
   return taken;
 }
 
-// Of this host, or of all if it is empty. One whose callers are not known goes first, else one without a
-// call.
+// Of this host, or of all if it is empty. A connection whose callers are unknown goes first, else one
+// without a call.
 Connection* ConnectionTable::replaceable(const std::string& host) {
   const auto of_host = [&](const Connection& one) { return host.empty() || one.host_ == host; };
   const auto stranger = std::find_if(strangers_.begin(), strangers_.end(),
@@ -153,14 +153,15 @@ void ConnectionTable::watch(Clock::time_point now) {
   tell();
 }
 
-// Bytes that are in memory, perhaps, without a call having taken them. A stranger's calls take some too.
+// Bytes that may be in memory without a call having taken them. Calls of unauthenticated clients take some
+// too.
 std::int64_t ConnectionTable::held(const Connection& connection) {
   const int calls = connection.known_ ? 0 : connection.calls_.load();
   return static_cast<std::int64_t>(connection.unexplained_) + Connection::kCallBytes * calls;
 }
 
 void ConnectionTable::look(Connection& connection, Clock::time_point now) {
-  // In this order: what is explained has been received.
+  // In this order, all bytes that count as taken have been received.
   const std::int64_t explained = connection.explained_.exchange(0);
   const auto received = bytes_received(connection.socket_.get());
   if (!received) return;
@@ -189,7 +190,7 @@ void ConnectionTable::look_at_all(Clock::time_point now) {
     } else if (connection->calls_ == 0 && now - last_call > limits_.idle + kIdleGrace) {
       close(*connection, CloseReason::idle);
     } else {
-      look(*connection, now);  // its calls may have become more since it brought them
+      look(*connection, now);  // it may have more calls now than when the data arrived
     }
   }
 }
@@ -210,7 +211,7 @@ void ConnectionTable::look_at_strangers() {
 void ConnectionTable::close(Connection& connection, CloseReason reason) {
   const int socket = connection.socket_.get();
   shutdown(socket, SHUT_RDWR);
-  // Who is short of memory for it does not read on to the end: only a reset stops a client that pours then.
+  // gRPC does not read to the end if it is short of memory: only a reset then stops a flooding client.
   constexpr sockaddr kNobody = {.sa_family = AF_UNSPEC, .sa_data = {}};
   if (reason == CloseReason::pouring) static_cast<void>(connect(socket, &kNobody, sizeof kNobody));
   count({connection.peer_, connection.host_, reason, connection.received_});
@@ -218,11 +219,11 @@ void ConnectionTable::close(Connection& connection, CloseReason reason) {
 }
 
 void ConnectionTable::forget(Connection& connection) {
-  // gRPC's descriptor of the same socket may still be open, and would keep its events coming.
+  // gRPC's descriptor of the same socket may still be open, and its events would continue.
   epoll_ctl(events_.get(), EPOLL_CTL_DEL, connection.socket_.get(), nullptr);
   if (!connection.known_) strangers_.erase(connection.stranger_);
   if (const auto host = of_host_.find(connection.host_); --host->second == 0) of_host_.erase(host);
-  // Its port may be another's by now.
+  // Its port may belong to another connection by now.
   if (const auto peer = by_peer_.find(connection.peer_);
       peer != by_peer_.end() && peer->second.get() == &connection)
     by_peer_.erase(peer);
@@ -249,7 +250,7 @@ void ConnectionTable::tell() {
   }
 }
 
-// gRPC reads when epoll says that there is something to read: there is not, below so many bytes (socket(7)).
+// gRPC reads when epoll reports data; below this number of bytes it reports none (socket(7)).
 void ConnectionTable::hold() {
   const MutexLock lock(mutex_);
   const int never = std::numeric_limits<int>::max();

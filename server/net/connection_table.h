@@ -1,4 +1,5 @@
-// The connections of the gRPC port: how many there are, what each brings, and which are closed for it.
+// The connections of the gRPC port: their number, the bytes that each brings, and which ones are closed for
+// it.
 #pragma once
 
 #include <array>
@@ -18,13 +19,13 @@
 
 namespace marble::server {
 
-/// Why the server closes a connection, or takes none.
+/// Why the server closes or refuses a connection.
 enum class CloseReason {
-  connections,       ///< there are as many as may be
-  host_connections,  ///< of its host
-  descriptors,       ///< the process has no more
-  silent,            ///< nothing came after it was opened
-  idle,              ///< no call for long
+  connections,       ///< the limit on connections is reached
+  host_connections,  ///< the limit per host is reached
+  descriptors,       ///< the process has none left
+  silent,            ///< no data arrived after it was opened
+  idle,              ///< no call for a long time
   pouring,           ///< more bytes than its calls have taken
 };
 constexpr std::array<const char*, 6> kCloseReasons = {
@@ -32,20 +33,20 @@ constexpr std::array<const char*, 6> kCloseReasons = {
 
 struct ConnectionLimits {
   int all = 0, host = 0;
-  std::int64_t stranger_bytes = 0;   ///< that a connection may bring before one of its callers is known
-  std::int64_t strangers_bytes = 0;  ///< the same of all such connections together
-  std::int64_t message_bytes = 0;    ///< that each call of another may bring at once
+  std::int64_t stranger_bytes = 0;   ///< per connection, before one of its callers is known
+  std::int64_t strangers_bytes = 0;  ///< limit on all such connections together
+  std::int64_t message_bytes = 0;    ///< per call on any other connection
   Clock::duration start{}, idle{};
 };
 
-/// What calls tell of the connection they came by. Thread-safe.
+/// What calls report about their connection. Thread-safe.
 class Connection {
  public:
   /// Bytes on the wire that a call and a message may take besides the message itself: headers, frames,
-  /// acknowledgements of what was sent. Nobody gets far with what is left over.
+  /// acknowledgements of sent data. The rest is too small to abuse.
   static constexpr std::int64_t kCallBytes = 16 << 10, kMessageBytes = 1 << 10;
 
-  /// `own`: of a service of ours.
+  /// `own`: a call to one of this server's services.
   void call_began(bool own) {
     ++calls_;
     own_calls_ += own ? 1 : 0;
@@ -56,23 +57,23 @@ class Connection {
     own_calls_ -= own ? 1 : 0;
     --calls_;
   }
-  /// A message was taken, or one of no bytes sent.
+  /// A message was taken, or one of no bytes was sent.
   void message(std::int64_t bytes) { explained_ += bytes + kMessageBytes; }
 
  private:
   friend class ConnectionTable;
   Connection(Descriptor socket, std::string peer, std::string host, Clock::time_point now);
 
-  const Descriptor socket_;  // a copy of gRPC's: shutting it down ends the connection whatever gRPC does
+  const Descriptor socket_;  // a copy of gRPC's: its shutdown ends the connection regardless of gRPC
   const std::string peer_, host_;
   const Clock::time_point opened_;
-  std::atomic<int> calls_ = 0, own_calls_ = 0;  // open
-  std::atomic<std::int64_t> explained_ = 0;     // bytes, since the last look
-  std::atomic<Clock::rep> last_call_;           // its end
-  std::atomic<bool> known_ = false;             // one of its callers was
-  std::list<Connection*>::iterator stranger_;   // of one that is not; the table's
+  std::atomic<int> calls_ = 0, own_calls_ = 0;  // open calls
+  std::atomic<std::int64_t> explained_ = 0;     // bytes, since the last check
+  std::atomic<Clock::rep> last_call_;           // time when the last call ended
+  std::atomic<bool> known_ = false;             // one of its callers is authenticated
+  std::list<Connection*>::iterator stranger_;   // place in strangers_ while unauthenticated
 
-  // The watch's.
+  // Used by the watching thread.
   Clock::time_point looked_;
   std::int64_t received_ = 0;
   double unexplained_ = 0.0;  // bytes that no call has taken yet
@@ -83,37 +84,38 @@ class ConnectionTable {
  public:
   ConnectionTable(const ConnectionLimits& limits, const Log& log);
 
-  /// Takes in a connection, if need be in the place of the oldest whose caller is not known, or of the one
-  /// that has gone without a call for longest. False if there is no place: it is counted as closed.
+  /// Adds a connection, if necessary in the place of the oldest one whose caller is unknown, or of the one
+  /// that has been without a call for longest. False if there is no place: it is counted as closed.
   [[nodiscard]] bool add(Descriptor copy, const std::string& peer, Clock::time_point now)
       ABSL_LOCKS_EXCLUDED(mutex_);
-  /// The process has no descriptor left: closes a connection as add() does. False if there is none to close.
+  /// Called when the process has no descriptor left: closes a connection as add() does. False if there is
+  /// none to close.
   bool make_room() ABSL_LOCKS_EXCLUDED(mutex_);
-  /// One that could not be taken in for want of a descriptor.
+  /// Counts a connection that was refused because no descriptor was left.
   void turned_away(const std::string& peer) ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// Lets go of connections that have ended, and closes those that bring too much, bring nothing or do
-  /// nothing. Costs what those cost that have brought something since the last time, and once a second what
-  /// all cost.
+  /// Removes connections that have ended, and closes those that bring too much, bring nothing or do nothing.
+  /// The cost is that of the connections that have brought data since the last call, and once a second that
+  /// of all.
   void watch(Clock::time_point now) ABSL_LOCKS_EXCLUDED(mutex_);
 
-  // At the end, when nobody is accepted any more.
+  // For the end, when no more connections are accepted.
 
-  /// Leaves in their sockets what gRPC has not begun to read. Unix sockets, of which the kernel cannot, are
-  /// ended. What was written still arrives, here and below.
+  /// Leaves in their sockets what gRPC has not begun to read. Unix sockets do not support this in the kernel
+  /// and are closed. Data that was written still arrives, in this function and the ones below.
   void hold() ABSL_LOCKS_EXCLUDED(mutex_);
-  /// How much was read of all, by gRPC.
+  /// Returns how much gRPC has read from all connections.
   [[nodiscard]] std::int64_t taken_bytes() ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Ends those on which calls of our services are open.
+  /// Closes those with open calls to this server's services.
   void cut_open() ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Ends all of them.
+  /// Closes all of them.
   void cut_all() ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Whether everything that was written to them has arrived.
+  /// True if everything that was written to them has arrived.
   [[nodiscard]] bool all_arrived() ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// A caller on the connection of this peer, as gRPC names it, is known.
+  /// A caller on the connection of this peer, as gRPC names it, is authenticated.
   void known(const std::string& peer) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Null if it is gone, or a unix socket's, of which nothing can be told.
+  /// Null if it is gone, or a unix socket, about which nothing can be reported.
   [[nodiscard]] std::shared_ptr<Connection> find(const std::string& peer) ABSL_LOCKS_EXCLUDED(mutex_);
 
   struct Usage {
@@ -137,14 +139,14 @@ class ConnectionTable {
   void close(Connection& connection, CloseReason reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void forget(Connection& connection) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void count(Closed closed) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  /// Of what was closed since the last time.
+  /// Logs what was closed since the last time.
   void tell() ABSL_LOCKS_EXCLUDED(mutex_);
 
   const ConnectionLimits limits_;
   const Log& log_;
-  const Descriptor events_;  // epoll's, of all sockets: who has brought something, who has ended
+  const Descriptor events_;  // epoll's, of all sockets: which have new data, which have ended
   mutable Mutex mutex_;
-  std::unordered_map<int, std::shared_ptr<Connection>> connections_ ABSL_GUARDED_BY(mutex_);  // by socket
+  std::unordered_map<int, std::shared_ptr<Connection>> connections_ ABSL_GUARDED_BY(mutex_);  // key: socket
   std::unordered_map<std::string, std::shared_ptr<Connection>> by_peer_ ABSL_GUARDED_BY(mutex_);
   std::unordered_map<std::string, int> of_host_ ABSL_GUARDED_BY(mutex_);
   std::list<Connection*> strangers_ ABSL_GUARDED_BY(mutex_);  // oldest first

@@ -12,13 +12,13 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr std::chrono::seconds kLastAnswers{5};  // for answers on their way to slow readers
+constexpr std::chrono::seconds kLastAnswers{5};  // time for replies in transit to slow clients
 constexpr std::chrono::seconds kLastRefusals{1};
 constexpr int kQuietLooks = 2;
 constexpr milliseconds kPeriod{5};
 constexpr milliseconds kArrival{500};
 
-// Until gRPC has read what it had begun to, and has handed it on. False if that takes too long.
+// Waits until gRPC has read what it had begun to read, and has passed it on. False if that takes too long.
 bool wait_until_quiet(ConnectionTable& connections) {
   const auto end = Clock::now() + kLastRefusals;
   std::int64_t taken = -1;
@@ -31,7 +31,7 @@ bool wait_until_quiet(ConnectionTable& connections) {
   return true;
 }
 
-// gRPC waits for what it still writes: not for ever.
+// gRPC waits for its pending writes, but not forever.
 void shut_down(grpc::Server& server, ConnectionTable& connections) {
   std::promise<void> ended;
   std::thread cutter([&, future = ended.get_future()] {
@@ -49,9 +49,9 @@ void hang_up(const Listening& listening, ConnectionTable& connections, LiveCalls
   calls.close();
   calls.wait_for_last(kLastAnswers);
   listening.acceptor->stop();
-  // gRPC's shutdown ends a call that it reads meanwhile with CANCELLED, which nobody retries. So it reads
-  // nothing any more, and all that it has read is answered first. Its GOAWAY then names the last call that
-  // was seen: a client sends those after it elsewhere, without asking anybody.
+  // gRPC's shutdown ends a call that it is reading with CANCELLED, which no client retries. Therefore it
+  // stops reading, and replies to all that it has read first. Its GOAWAY then names the last call that was
+  // seen: a client sends later ones elsewhere by itself.
   connections.hold();
   bool quiet = wait_until_quiet(connections);
   calls.wait_for_last(kLastRefusals);
@@ -59,10 +59,10 @@ void hang_up(const Listening& listening, ConnectionTable& connections, LiveCalls
   if (quiet) {
     connections.cut_open();
   } else {
-    connections.cut_all();  // UNAVAILABLE for who is late
+    connections.cut_all();  // UNAVAILABLE for late calls
   }
   shut_down(*listening.server, connections);
-  // Closing a socket with something unread in it would take back what has not arrived.
+  // Closing a socket with unread data would discard sent data that has not arrived.
   for (const auto end = Clock::now() + kArrival; Clock::now() < end && !connections.all_arrived();)
     std::this_thread::sleep_for(kPeriod);
 }

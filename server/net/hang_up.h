@@ -1,5 +1,5 @@
-// The end of the gRPC server: every call that it has begun to read is answered, every other is told to its
-// client as one that was not seen.
+// Shuts down the gRPC server: every call that it has begun to read gets a reply, and every other is reported
+// to its client as not seen.
 #pragma once
 
 #include "net/connection_table.h"
@@ -8,7 +8,8 @@
 
 namespace marble::server {
 
-/// After a drain. Returns when all connections are closed, within some eight seconds whatever clients do.
+/// Called after a drain. Returns when all connections are closed, within about eight seconds regardless of
+/// clients.
 void hang_up(const Listening& listening, ConnectionTable& connections, LiveCalls& calls);
 
 }  // namespace marble::server

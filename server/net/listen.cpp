@@ -27,9 +27,9 @@ int milliseconds(double seconds) {
   return static_cast<int>(std::min(1000.0 * seconds, double{std::numeric_limits<int>::max()}));
 }
 
-// What a client may take of gRPC before its calls are seen here.
+// Bounds what a client may use of gRPC before the server sees its calls.
 void set_bounds(grpc::ServerBuilder& builder, const Config& config) {
-  // The bound of a message is asked after it is inflated: 10 MB of gzip would become 10 GB.
+  // The limit on a message is checked after it is inflated: 10 MB of gzip would become 10 GB.
   for (const auto algorithm : {GRPC_COMPRESS_DEFLATE, GRPC_COMPRESS_GZIP})
     builder.SetCompressionAlgorithmSupportStatus(algorithm, false);
   builder.SetResourceQuota(
@@ -37,7 +37,7 @@ void set_bounds(grpc::ServerBuilder& builder, const Config& config) {
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, config.connection_streams);
   builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, config.metadata_bytes);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, milliseconds(config.connection_idle_s));
-  // Those who have said nothing at all are closed, and counted, by the table of connections before.
+  // Connections without any data are closed earlier, and counted, by the table of connections.
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS,
                              milliseconds(config.connection_start_s + kStartGraceS));
 }
@@ -48,12 +48,12 @@ void set_limits(grpc::ServerBuilder& builder, const Config& config) {
   const int keepalive_ms = milliseconds(config.keepalive_s);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, keepalive_ms);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, keepalive_ms / 2);
-  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);  // as many as it takes
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);  // unlimited
   // Clients may ping as often as the server does.
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, keepalive_ms / 2);
 }
 
-// A server that is still ending leaves its address in a moment.
+// A server that is shutting down frees its address in a moment.
 Expected<ListeningSocket> open_in_time(const std::string& address, const Config& config, const Log& log) {
   const std::chrono::milliseconds silence(milliseconds(config.keepalive_s) / 2);
   const auto end = Clock::now() + std::chrono::duration_cast<Clock::duration>(
@@ -71,7 +71,7 @@ Expected<ListeningSocket> open_in_time(const std::string& address, const Config&
   }
 }
 
-// gRPC's and ours, of the same addresses.
+// gRPC's server and the sockets, both of the same addresses.
 using Server = grpc::experimental::ExternalConnectionAcceptor;
 
 std::shared_ptr<Server> served_with(grpc::ServerBuilder& builder,
@@ -86,7 +86,8 @@ ConnectionLimits connection_limits(const Config& config) {
   const auto duration = [](double seconds) {
     return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
   };
-  // Each takes two descriptors, gRPC's and the table's; the HTTP port and all else need some too.
+  // Each connection takes two descriptors, gRPC's and the table's; the HTTP port and everything else need
+  // some too.
   const std::int64_t descriptors = raise_descriptor_limit() - kOtherDescriptors;
   const std::int64_t left = descriptors - std::min<std::int64_t>(config.http_connections, descriptors / 4);
   const std::int64_t all = std::clamp<std::int64_t>(left / 2, kFewestConnections, config.connections);
@@ -111,7 +112,7 @@ Expected<Listening> listen(const Config& config, const std::vector<grpc::Service
   }
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
-  // What reflection describes must be in the pool of descriptors: gRPC's own health service is not.
+  // What reflection describes must be in the descriptor pool: gRPC's own health service is not.
   static_cast<void>(grpc::health::v1::HealthCheckRequest::descriptor());
   grpc::ServerBuilder builder;
   set_limits(builder, config);

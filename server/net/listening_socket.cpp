@@ -17,7 +17,7 @@ namespace {
 
 constexpr const char* kUnixPrefix = "unix:";
 constexpr const char* kAbstractPrefix = "unix-abstract:";
-constexpr int kBacklog = 4096;  // the system's somaxconn bounds it
+constexpr int kBacklog = 4096;  // bounded by the system's somaxconn
 
 Error refused(const std::string& address, int reason) {
   const std::string why = reason == EADDRINUSE
@@ -38,7 +38,7 @@ int port_of(int socket) {
   return ntohs(reinterpret_cast<const sockaddr_in*>(&name)->sin_port);
 }
 
-// Whoever finds a unix socket's file does not know whether somebody still listens on it.
+// The file of a unix socket does not show whether a process still listens on it.
 bool somebody_listens(const sockaddr_un& name, socklen_t length) {
   const Descriptor probe(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
   return connect(probe.get(), reinterpret_cast<const sockaddr*>(&name), length) == 0;
@@ -114,19 +114,19 @@ Expected<void> ListeningSocket::open_port(const std::string& host, int port,
       reason = errno;
       continue;
     }
-    // Connections of a server that has just ended do not hold its port. No SO_REUSEPORT: a second server must
-    // fail, not take half of the calls.
+    // Connections of a server that has just ended do not block its port. No SO_REUSEPORT: a second server
+    // must fail, not take half of the calls.
     set(socket.get(), SOL_SOCKET, SO_REUSEADDR, 1);
     if (one->ai_family == AF_INET6) {
       const in6_addr& ip = reinterpret_cast<const sockaddr_in6*>(&name)->sin6_addr;
       set(socket.get(), IPPROTO_IPV6, IPV6_V6ONLY, IN6_IS_ADDR_UNSPECIFIED(&ip) ? 0 : 1);
     }
-    set(socket.get(), IPPROTO_TCP, TCP_NODELAY, 1);  // connections have it from here
+    set(socket.get(), IPPROTO_TCP, TCP_NODELAY, 1);  // connections inherit it
     set(socket.get(), IPPROTO_TCP, TCP_USER_TIMEOUT, static_cast<int>(silence.count()));
     if (bind(socket.get(), reinterpret_cast<const sockaddr*>(&name), one->ai_addrlen) != 0 ||
         ::listen(socket.get(), kBacklog) != 0) {
       reason = errno;
-      if (reason == EADDRINUSE) return unexpected(refused(address_, reason));  // half an address is none
+      if (reason == EADDRINUSE) return unexpected(refused(address_, reason));  // all addresses or none
       continue;
     }
     port = port_of(socket.get());
@@ -137,7 +137,7 @@ Expected<void> ListeningSocket::open_port(const std::string& host, int port,
 }
 
 ListeningSocket::~ListeningSocket() {
-  if (!file_.empty() && !sockets_.empty()) unlink(file_.c_str());  // first: the next server makes its own
+  if (!file_.empty() && !sockets_.empty()) unlink(file_.c_str());  // first: the next server creates its own
 }
 
 std::string peer_of(int socket) {

@@ -1,4 +1,4 @@
-// The sockets of one address that is listened on.
+// The sockets that listen on one address.
 #pragma once
 
 #include <chrono>
@@ -10,13 +10,13 @@
 
 namespace marble::server {
 
-/// A unix socket's file goes with it.
+/// Removes a unix socket's file at its end.
 class ListeningSocket {
  public:
   /// `address` is HOST:PORT, [HOST]:PORT, unix:PATH or unix-abstract:NAME. A name stands for all of its
-  /// addresses; one of IPv4 listens on IPv4 alone, [::] on both. A peer that does not acknowledge what it was
-  /// sent for `silence` is taken for dead. Errors: unavailable, with why not; `bound` is kInUse where
-  /// somebody else has it.
+  /// addresses; an IPv4 address listens on IPv4 only, [::] on both. A peer that does not acknowledge sent
+  /// data for `silence` counts as dead. Errors: unavailable, with the reason; `bound` is kInUse if another
+  /// process uses the address.
   [[nodiscard]] static Expected<ListeningSocket> open(const std::string& address,
                                                       std::chrono::milliseconds silence);
   static constexpr const char* kInUse = "cannot listen: in use by another process";
@@ -26,7 +26,7 @@ class ListeningSocket {
   ListeningSocket& operator=(ListeningSocket&&) = delete;
 
   [[nodiscard]] const std::vector<Descriptor>& sockets() const { return sockets_; }
-  /// As it was given, with the port that was taken in place of 0.
+  /// As given, with the assigned port in place of 0.
   [[nodiscard]] const std::string& address() const { return address_; }
 
  private:
@@ -37,10 +37,10 @@ class ListeningSocket {
 
   std::string address_;
   std::vector<Descriptor> sockets_;
-  std::string file_;  // of a unix socket
+  std::string file_;  // path of a unix socket
 };
 
-/// A peer as gRPC names it: "ipv4:127.0.0.1:4711", "ipv6:%5B::1%5D:4711", "unix:".
+/// Returns a peer as gRPC names it: "ipv4:127.0.0.1:4711", "ipv6:%5B::1%5D:4711", "unix:".
 [[nodiscard]] std::string peer_of(int socket);
 
 }  // namespace marble::server

@@ -1,5 +1,5 @@
-// Counts the calls that gRPC is not done with yet, so that a shutdown waits for answers on their way and for
-// nothing else: gRPC's own waits for idle clients to close their connections.
+// Counts the calls that gRPC is not done with yet, so that a shutdown waits only for replies in transit:
+// gRPC's own waits for idle clients to close their connections.
 #pragma once
 
 #include <chrono>
@@ -11,7 +11,7 @@ namespace marble::server {
 
 class LiveCalls {
  public:
-  /// Held by a call for as long as it lives.
+  /// Held by a call while it lives.
   class Token {
    public:
     explicit Token(LiveCalls& calls) : calls_(calls), round_(calls.begin()) {}
@@ -24,10 +24,10 @@ class LiveCalls {
     const int round_;
   };
 
-  /// A call whose client's message has not come yet.
+  /// A call whose client's message has not arrived yet.
   class Unread {
    public:
-    /// Ends it: the server leaves.
+    /// Ends it because the server shuts down.
     virtual void refuse() = 0;
 
    protected:
@@ -38,7 +38,7 @@ class LiveCalls {
     std::size_t place_ = 0;
   };
 
-  /// Whether its message may be waited for: has_come() then says how that ended.
+  /// True if the call may wait for its message: has_come() then returns the outcome.
   [[nodiscard]] bool may_wait(Unread& call) ABSL_LOCKS_EXCLUDED(mutex_) {
     const MutexLock lock(mutex_);
     if (closed_) return false;
@@ -56,7 +56,7 @@ class LiveCalls {
     return true;
   }
 
-  /// From now on no message is waited for: refuses those who do, one by one.
+  /// From now on no call waits for a message: refuses the waiting ones, one by one.
   void close() ABSL_LOCKS_EXCLUDED(mutex_) {
     const auto next = [this]() ABSL_LOCKS_EXCLUDED(mutex_) -> Unread* {
       const MutexLock lock(mutex_);
@@ -69,8 +69,8 @@ class LiveCalls {
     while (Unread* const call = next()) call->refuse();
   }
 
-  /// Waits until those of now have ended, or for `limit`. Nobody waits for later ones: whoever asks again and
-  /// again could hold up a stop.
+  /// Waits until the current calls have ended, or for `limit`. Ignores later calls: a client that keeps
+  /// calling could otherwise delay a stop.
   void wait_for_last(std::chrono::steady_clock::duration limit) ABSL_LOCKS_EXCLUDED(mutex_) {
     const auto end = std::chrono::steady_clock::now() + limit;
     const MutexLock lock(mutex_);
@@ -95,8 +95,8 @@ class LiveCalls {
 
   Mutex mutex_;
   Condition none_;
-  int round_ ABSL_GUARDED_BY(mutex_) = 0;    // how often somebody has waited
-  int earlier_ ABSL_GUARDED_BY(mutex_) = 0;  // of the calls, begun before that
+  int round_ ABSL_GUARDED_BY(mutex_) = 0;    // number of waits so far
+  int earlier_ ABSL_GUARDED_BY(mutex_) = 0;  // calls that began before the last wait
   int later_ ABSL_GUARDED_BY(mutex_) = 0;
   bool closed_ ABSL_GUARDED_BY(mutex_) = false;
   std::vector<Unread*> unread_ ABSL_GUARDED_BY(mutex_);

@@ -14,13 +14,13 @@
 namespace marble::server {
 namespace {
 
-// What a TLS client says first.
+// Returns the first message of a TLS client.
 std::string client_hello() {
   const std::unique_ptr<SSL_CTX, void (*)(SSL_CTX*)> context(SSL_CTX_new(TLS_client_method()), SSL_CTX_free);
   if (context == nullptr) return "";
   const std::unique_ptr<SSL, void (*)(SSL*)> session(SSL_new(context.get()), SSL_free);
   BIO* const out = BIO_new(BIO_s_mem());
-  SSL_set_bio(session.get(), BIO_new(BIO_s_mem()), out);  // the session's from here
+  SSL_set_bio(session.get(), BIO_new(BIO_s_mem()), out);  // now owned by the session
   SSL_connect(session.get());
   std::string bytes(BIO_ctrl_pending(out), '\0');
   BIO_read(out, bytes.data(), static_cast<int>(bytes.size()));
@@ -39,7 +39,7 @@ bool answers(int listener, bool tls, std::chrono::milliseconds patience) {
     if (IN6_IS_ADDR_UNSPECIFIED(&ip)) ip = in6addr_loopback;
   }
   const Descriptor client(socket(name.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-  // Of no descriptor left it is not the listener that is to blame.
+  // If no descriptor is left, the listener is not at fault.
   if (!client) return true;
   const auto end = std::chrono::steady_clock::now() + patience;
   const auto wait = [&](short events) {

@@ -1,5 +1,5 @@
-// libpq, loaded when it is first asked for: a server without a store in PostgreSQL needs neither it nor the
-// twenty libraries that it brings along.
+// libpq, loaded at its first use: a server without a store in PostgreSQL needs neither it nor the twenty
+// libraries that it depends on.
 #pragma once
 
 #include <libpq-fe.h>
@@ -37,16 +37,16 @@ namespace marble::server {
   FUNCTION(PQsocket)             \
   FUNCTION(PQstatus)
 
-/// Its functions by their names. All are null unless `loaded`.
+/// Its functions by name. All are null unless `loaded`.
 struct Libpq {
 #define MARBLE_FIELD(name) decltype(&::name) name = nullptr;
   MARBLE_LIBPQ(MARBLE_FIELD)
 #undef MARBLE_FIELD
-  /// Errors: failed_precondition, naming the package that has it.
+  /// Errors: failed_precondition, naming the package that contains it.
   Expected<void> loaded;
 };
 
-/// Loads it the first time. Thread-safe.
+/// Loads it at the first call. Thread-safe.
 [[nodiscard]] const Libpq& libpq();
 
 }  // namespace marble::server

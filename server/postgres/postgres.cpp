@@ -13,7 +13,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr std::size_t kBytesPerSecond = 16 << 20;  // a disk's that is slow; more patience for what is large
+constexpr std::size_t kBytesPerSecond = 16 << 20;  // of a slow disk; large data get more time
 
 std::string first_line(const char* message) {
   const std::string text = message == nullptr ? "" : message;
@@ -92,7 +92,7 @@ Expected<Postgres> Postgres::open(const std::string& uri) {
   if (!libpq().loaded) return unexpected(libpq().loaded.error());
   Postgres opened;
   opened.where_ = uri.substr(0, uri.find('?'));
-  // What the URI says of these wins.
+  // Values in the URI take precedence.
   const std::array names = {"application_name", "client_encoding", "tcp_user_timeout",
                             "keepalives_idle",  "dbname",          static_cast<const char*>(nullptr)};
   const std::array values = {
@@ -100,7 +100,7 @@ Expected<Postgres> Postgres::open(const std::string& uri) {
   opened.connection_.reset(libpq().PQconnectStartParams(names.data(), values.data(), 1));
   PGconn* const connection = opened.connection_.get();
   if (connection == nullptr) return unexpected(opened.fault("no memory"));
-  // What it says to nobody in particular would go to our standard error.
+  // Notices would otherwise go to the server's standard error.
   libpq().PQsetNoticeProcessor(
       connection, [](void*, const char*) {}, nullptr);
   const auto end = std::chrono::steady_clock::now() + kPatience;
@@ -113,7 +113,7 @@ Expected<Postgres> Postgres::open(const std::string& uri) {
   }
   if (libpq().PQsetnonblocking(connection, 1) != 0 || libpq().PQenterPipelineMode(connection) != 1)
     return unexpected(opened.lost(first_line(libpq().PQerrorMessage(connection))));
-  // A database without an encoding holds any bytes, and takes them back only from a client without one.
+  // A database without an encoding stores any bytes, and accepts them again only from a client without one.
   const std::array settings = {PgStatement("SELECT set_config('client_encoding', 'SQL_ASCII', false)"
                                            " WHERE getdatabaseencoding() = 'SQL_ASCII'"),
                                PgStatement("SET statement_timeout = '60s'"),

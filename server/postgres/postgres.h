@@ -1,5 +1,5 @@
-// PostgreSQL as values: a connection that closes itself, statements that wait for a bounded time, and errors
-// in PostgreSQL's own words.
+// PostgreSQL as values: a connection that closes itself, statements with a bounded wait, and errors in
+// PostgreSQL's own words.
 #pragma once
 
 #include <chrono>
@@ -15,13 +15,13 @@
 
 namespace marble::server {
 
-/// What a statement gave. Columns are numbered from 0; their types must be what is asked for.
+/// The result of a statement. Columns are numbered from 0; their types must be the requested ones.
 class PgRows {
  public:
   explicit PgRows(PGresult* result) : result_(result) {}
 
   [[nodiscard]] int size() const { return libpq().PQntuples(result_.get()); }
-  /// Of a statement that changes rows: how many.
+  /// Returns the number of rows that a statement changed.
   [[nodiscard]] std::int64_t changed() const;
   /// smallint, int or bigint.
   [[nodiscard]] std::int64_t integer(int row, int column) const;
@@ -38,10 +38,10 @@ class PgRows {
   std::unique_ptr<PGresult, Clear> result_;
 };
 
-/// Texts as a value of the type text[].
+/// Returns texts as a value of the type text[].
 [[nodiscard]] std::string text_array(const std::vector<std::string>& texts);
 
-/// One statement with the values of its parameters $1, $2 …
+/// A statement with the values of its parameters $1, $2 …
 class PgStatement {
  public:
   PgStatement(const char* sql) : sql_(sql) {}  // NOLINT(google-explicit-constructor): as it is read
@@ -63,9 +63,9 @@ class PgStatement {
   std::vector<int> formats_;
 };
 
-/// For one thread at a time. Errors: unavailable, of field "state", with the server's address as value. After
-/// a time in which nothing comes or goes the connection is closed; what it had begun is then undone, or was
-/// made: nobody knows.
+/// Used by one thread at a time. Errors: unavailable, of field "state", with the server's address as value.
+/// After a time without traffic the connection is closed; whether what it had begun is undone or was done is
+/// then unknown.
 class Postgres {
  public:
   static constexpr std::chrono::seconds kPatience{5};
@@ -73,17 +73,17 @@ class Postgres {
   /// `uri` is libpq's, without a password.
   [[nodiscard]] static Expected<Postgres> open(const std::string& uri);
 
-  /// One after the other, in one round trip; in one transaction of their own if none is open. The first that
-  /// fails ends it.
+  /// Runs the statements in order, in one round trip; in one transaction of their own if none is open. The
+  /// first failure ends it.
   [[nodiscard]] Expected<std::vector<PgRows>> run(std::span<const PgStatement> statements);
   [[nodiscard]] Expected<PgRows> run(const PgStatement& statement);
-  /// SQLSTATE of what failed last; empty if the connection did.
+  /// SQLSTATE of the last failure; empty if the connection failed.
   [[nodiscard]] const std::string& state() const { return state_; }
   [[nodiscard]] bool is_open() const { return connection_ != nullptr; }
   void close() { connection_ = nullptr; }
 
-  /// Waits for a notification or until `descriptor` can be read, at most `patience`. Whether a notification
-  /// has come.
+  /// Waits for a notification or until `descriptor` is readable, at most `patience`. Returns whether a
+  /// notification has come.
   [[nodiscard]] Expected<bool> wait(int descriptor, std::chrono::milliseconds patience);
 
  private:

@@ -14,7 +14,7 @@ struct FreeOptions {
 
 }  // namespace
 
-// Its value is in no error: it may hold a password.
+// No error contains the value: it may include a password.
 Expected<void> check_state_uri(const std::string& uri) {
   if (!uri.starts_with("postgresql://")) return unexpected(invalid("state", "must begin with postgresql://"));
   if (!libpq().loaded) return libpq().loaded;

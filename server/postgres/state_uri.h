@@ -1,4 +1,4 @@
-// What the setting `state` may be.
+// Checks the setting `state`.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace marble::server {
 
-/// Errors: invalid_argument (not a URI of PostgreSQL; it holds a password, which others would see).
+/// Errors: invalid_argument (not a URI of PostgreSQL; it contains a password, which others could see).
 [[nodiscard]] Expected<void> check_state_uri(const std::string& uri);
 
 }  // namespace marble::server

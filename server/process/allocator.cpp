@@ -1,7 +1,7 @@
-// The daemon's allocator is jemalloc: what gRPC's threads allocate, workers free, which costs glibc's arenas
-// more (a request of a tiny problem takes a tenth to a fifth less time).
+// The daemon uses jemalloc: workers free what gRPC's threads allocate, which is slower with glibc's arenas
+// (a request with a tiny problem takes a tenth to a fifth less time).
 #include <jemalloc/jemalloc.h>
 
-/// Read by jemalloc as it starts: memory that a large solve has left goes back to the system while nobody
+/// Read by jemalloc at its start: returns the memory left by a large solve to the system while there are no
 /// calls.
 const char* malloc_conf = "background_thread:true";

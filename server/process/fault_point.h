@@ -1,4 +1,4 @@
-// Moments at which tests have the server killed, as a crash or a power cut would: those where a promise could
+// Points at which tests kill the server, as a crash or a power failure would: those where a guarantee could
 // break.
 #pragma once
 
@@ -6,16 +6,17 @@
 
 namespace marble::server {
 
-/// Kills this process, as kill -9 does, if the environment says so: MARBLE_FAULT_POINT=NAME:N, the Nth time
-/// that it comes by the point of that name. Thread-safe.
+/// Kills this process, as kill -9 does, if the environment requests it: MARBLE_FAULT_POINT=NAME:N, the Nth
+/// time that it passes the point of that name. Thread-safe.
 ///
-/// - before_commit: a transaction of the store is whole, and not on disk
-/// - after_commit: it is on disk, and nobody was told
-/// - before_answer: a submitted job has its answer, which the store has not been given
-/// - within_answer: an answer is on its way to its client
+/// - before_commit: a transaction of the store is complete, but not on disk
+/// - after_commit: it is on disk, but no one has been notified
+/// - before_answer: a submitted job has its result, but the store has not received it
+/// - within_answer: a result is on its way to its client
 ///
-/// With MARBLE_FAULT_POINT=NAME=SUBJECT the server is killed each time it passes the point with this subject;
-/// with NAME!SUBJECT an exception is thrown there. The subject is the request id of a submitted job:
+/// With MARBLE_FAULT_POINT=NAME=SUBJECT the server is killed each time it passes the point with this
+/// subject; with NAME!SUBJECT an exception is thrown there. The subject is the request id of a submitted
+/// job:
 ///
 /// - take: the server takes the job from the store
 /// - job: a worker begins the job

@@ -14,7 +14,7 @@
 namespace marble::server {
 namespace {
 
-// When the machine began, in Unix time: proc_stat(5), btime.
+// Returns the machine's boot time, in Unix time: proc_stat(5), btime.
 double boot_time_s() {
   std::ifstream stat("/proc/stat");
   double seconds = 0.0;
@@ -67,7 +67,7 @@ std::int64_t raise_descriptor_limit() {
 
 ProcessFacts process_facts() {
   ProcessFacts facts;
-  facts.open_fds = entries_of("/proc/self/fd") - 1;  // without the one that looks
+  facts.open_fds = entries_of("/proc/self/fd") - 1;  // without the descriptor used for reading
   std::ifstream stat("/proc/self/stat");             // proc_pid_stat(5): pid (name) state ...
   stat.ignore(std::numeric_limits<std::streamsize>::max(), ')');
   constexpr int kThreads = 20, kStartTime = 22;

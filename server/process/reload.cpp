@@ -11,7 +11,7 @@ bool can_change(const std::string& setting) {
 }
 
 struct Difference {
-  std::string changed;             ///< keys that were taken over, with commas between
+  std::string changed;             ///< keys that were applied, separated by commas
   std::vector<std::string> fixed;  ///< keys that only a restart can change
 };
 

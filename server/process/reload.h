@@ -1,4 +1,4 @@
-// A configuration read again while the server runs.
+// Reads the configuration again while the server runs.
 #pragma once
 
 #include "access/access.h"
@@ -7,18 +7,18 @@
 
 namespace marble::server {
 
-/// Lets the log write what the configuration, which is valid, says of it.
+/// Applies the log settings of a valid configuration.
 void configure(Log& log, const Settings& settings);
 
 class Reloader {
  public:
-  /// `started` is what the server started with, and is in force.
+  /// `started` is the configuration that the server started with and uses.
   Reloader(CommandLine command_line, Config started, Access& access, Log& log)
       : command_line_(std::move(command_line)), in_force_(std::move(started)), access_(access), log_(log) {}
 
-  /// Reads the configuration again and puts in force what can change at run time: tokens, quotas, roles and
-  /// what is logged. Warns of the rest. One that has faults, or would let everybody in where callers were
-  /// told apart, changes nothing.
+  /// Reads the configuration again and applies what can change at run time: tokens, quotas, roles and log
+  /// settings. Warns about the rest. A configuration with errors, or one that would accept all callers where
+  /// they were identified before, changes nothing.
   void reload();
 
  private:

@@ -13,13 +13,13 @@
 namespace marble::server {
 namespace {
 
-// A handler can reach nothing else.
+// A signal handler can access only global state.
 int write_end = -1;
 
 void pass_on(int signal) {
   const int saved = errno;
   const auto byte = static_cast<unsigned char>(signal);
-  [[maybe_unused]] const auto written = write(write_end, &byte, 1);  // a full pipe is full of signals anyway
+  [[maybe_unused]] const auto written = write(write_end, &byte, 1);  // a full pipe contains enough signals
   errno = saved;
 }
 
@@ -41,11 +41,11 @@ Signals::Signals() {
   handle(SIGINT, pass_on);
   handle(SIGHUP, pass_on);
   handle(SIGPIPE, SIG_IGN);
-  handle(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error of who writes it
+  handle(SIGXFSZ, SIG_IGN);  // exceeding a file size limit is an error of the write
 }
 
 Signals::~Signals() {
-  handle(SIGTERM, SIG_IGN);  // whoever asks again while the process ends is being served
+  handle(SIGTERM, SIG_IGN);  // further signals during the exit are ignored
   handle(SIGINT, SIG_IGN);
   handle(SIGHUP, SIG_IGN);
   close(read_end_);
@@ -68,7 +68,7 @@ int Signals::wait_for(std::chrono::duration<double> limit) {
   return 0;
 }
 
-// Detached: a read of standard input cannot be called off, and ends with the process.
+// Detached: a read of standard input cannot be cancelled, and ends with the process.
 void Signals::watch_standard_input() {
   std::thread([] {
     char ignored[256];

@@ -38,7 +38,7 @@ void Supervisor::tell(std::string_view state) const {
   name.sun_family = AF_UNIX;
   if (socket_.size() < 2 || socket_.size() >= sizeof name.sun_path) return;
   std::memcpy(name.sun_path, socket_.data(), socket_.size());
-  // A leading @ stands for the zero byte of an abstract name, which ends where its length says.
+  // A leading @ stands for the zero byte of an abstract name, whose end is given by its length.
   if (name.sun_path[0] == '@') name.sun_path[0] = '\0';
   const auto length = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + socket_.size());
   const int sender = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);

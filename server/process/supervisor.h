@@ -1,4 +1,4 @@
-// What a supervisor such as systemd is told of the server's life: sd_notify(3)'s protocol.
+// Notifies a supervisor such as systemd of the server's state, by the protocol of sd_notify(3).
 #pragma once
 
 #include <string>
@@ -6,15 +6,15 @@
 
 namespace marble::server {
 
-/// Tells the socket that NOTIFY_SOCKET names; without that variable, or where nobody listens, does nothing.
+/// Notifies the socket in NOTIFY_SOCKET; without that variable, or without a listener, does nothing.
 class Supervisor {
  public:
-  /// Takes NOTIFY_SOCKET out of the environment, so that no child speaks for the server.
+  /// Removes NOTIFY_SOCKET from the environment, so that no child process can notify for the server.
   Supervisor();
 
-  void ready() const;      ///< it answers, and a reload that was told has ended
-  void reloading() const;  ///< it reads its configuration again
-  void stopping() const;   ///< it drains
+  void ready() const;      ///< reports that it serves, and that a reload has ended
+  void reloading() const;  ///< reports that it reads its configuration again
+  void stopping() const;   ///< reports that it drains
 
  private:
   void tell(std::string_view state) const;

@@ -1,4 +1,4 @@
-// Who takes the workers: what the queue knows of now, and the last minutes.
+// Which clients use the workers: the queue's current state, and the last minutes.
 #include <algorithm>
 #include <map>
 
@@ -7,7 +7,7 @@
 namespace marble::server {
 
 ClientShares Scheduler::client_shares() const {
-  constexpr std::size_t kMostNames = 4 * ClientShares::kMost;  // that are looked at: a name each may wait
+  constexpr std::size_t kMostNames = 4 * ClientShares::kMost;  // names that are examined: each may wait
   const auto add = [](ClientShare& to, int running, int queued, const ClientUse& use) {
     to.running += running;
     to.queued += queued;

@@ -52,7 +52,7 @@ void log_refusal(const Log& log, const Origin& origin, const Error& error) {
   if (!line) return;
   Log::Fields fields;
   if (!origin.client.empty()) fields.push_back({"client", origin.client});
-  // The id may be what is wrong with the request: show no more of it than a good one may have.
+  // The id may be the error in the request: log no more of it than a valid id may have.
   add(fields, {{"request", origin.request_id.substr(0, contract::longest_request_id)},
                {"peer", origin.peer},
                {"code", to_string(error.code)},

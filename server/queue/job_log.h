@@ -1,4 +1,4 @@
-// The log's lines about requests and jobs: each says whose it is, and to which trace it belongs.
+// Writes log lines about requests and jobs; each line contains the client and the trace.
 #pragma once
 
 #include <optional>
@@ -9,18 +9,18 @@
 
 namespace marble::server {
 
-/// A request that did not become a job.
+/// Logs a request that did not become a job.
 void log_refusal(const Log& log, const Origin& origin, const Error& error);
 
-/// A job that has ended; of a session's update at debug.
+/// Logs a job that has ended; at debug level for an update of a session.
 void log_end(const Log& log, const Job& job, const Outcome& outcome);
 
-/// An array that has ended: why before its last element, if so.
+/// Logs an array that has ended, and the reason if it ended before its last element.
 void log_array_end(const Log& log, const JobRecord& record, const std::optional<Error>& reason);
 
-/// A session that is set up.
+/// Logs a session that is set up.
 void log_session_open(const Log& log, const JobRecord& record);
-/// One that is over: why, unless its client closed it.
+/// Logs a session that has ended, and the reason unless its client closed it.
 void log_session_end(const Log& log, const JobRecord& record, const std::optional<Error>& reason);
 
 }  // namespace marble::server

@@ -1,9 +1,9 @@
-// The queue as a pure data structure: who is next, who must be refused. No threads, no clock.
+// The queue as a pure data structure: which job is next, and which must be refused. No threads, no clock.
 //
 // A higher priority goes first; one that was passed over `passed_over` times in a row, or for
-// `passed_over_time`, goes once in between. Within a priority clients take turns. Within a client the
-// earliest deadline goes first, then who came first; a job without a deadline, or with a far one, counts as
-// due `patience` after it came, so that it does not starve.
+// `passed_over_time`, goes once in between. Within a priority, clients take turns. Within a client, the
+// earliest deadline goes first, then the order of arrival; a job without a deadline, or with a distant one,
+// counts as due `patience` after its arrival, so that it does not starve.
 #pragma once
 
 #include <algorithm>
@@ -25,42 +25,42 @@
 namespace marble::server {
 
 struct QueueLimits {
-  int workers = 1;         ///< a free worker counts as room, so that jobs = 0 means "no waiting"
-  int jobs = 0;            ///< that wait; one place in 16 is for realtime jobs alone
-  std::int64_t bytes = 0;  ///< of requests that wait, here or in their sessions, or run
-  int passed_over = 32;    ///< how often in a row a priority with something to do may be passed over
-  std::chrono::steady_clock::duration passed_over_time = std::chrono::seconds(1);  ///< for how long
+  int workers = 1;         ///< a free worker counts as capacity, so jobs = 0 means "no waiting"
+  int jobs = 0;            ///< limit on waiting jobs; one place in 16 is reserved for realtime jobs
+  std::int64_t bytes = 0;  ///< limit on requests that wait, in queue or session, or run
+  int passed_over = 32;    ///< how often in a row a priority with waiting jobs may be passed over
+  std::chrono::steady_clock::duration passed_over_time = std::chrono::seconds(1);  ///< or for how long
   std::chrono::steady_clock::duration patience = std::chrono::seconds(10);
 
-  /// How many may wait when a job of this priority comes. Others' jobs never fill the queue, so that a
-  /// planner is not refused because somebody floods the server.
+  /// Returns how many jobs may wait when a job of this priority arrives. Other jobs never fill the queue, so
+  /// a control loop is not refused because another client floods the server.
   [[nodiscard]] int jobs_for(Priority priority) const {
     return priority == Priority::realtime ? jobs : jobs - jobs / 16;
   }
 };
 
-/// What the queue wants to know of an item.
+/// What the queue needs to know about an item.
 struct Ticket {
   std::string client;
   Priority priority = Priority::interactive;
   std::chrono::steady_clock::time_point deadline = std::chrono::steady_clock::time_point::max();
   std::chrono::steady_clock::time_point arrival = {};
-  std::chrono::steady_clock::duration least_run = {};  ///< with less time than this left it is not begun
-  double expected_run_s = 0.0;                         ///< as far as anybody knows
+  std::chrono::steady_clock::duration least_run = {};  ///< it is not begun with less time left
+  double expected_run_s = 0.0;                         ///< estimate; 0 if unknown
   int work_class = 0;  ///< jobs of one client, priority and class run for about as long
   std::int64_t bytes = 0;
-  bool reserved = false;     ///< an update of a session: its place was given with the session
-  bool placed = false;       ///< of an array, which has a place and its bytes: JobQueue::take_place()
-  bool may_preempt = false;  ///< it may run on top of one of a lower priority: its memory is not its worker's
+  bool reserved = false;     ///< an update of a session: its place was reserved with the session
+  bool placed = false;       ///< element of an array, which has its place: take_place()
+  bool may_preempt = false;  ///< it may preempt an item of a lower priority: its memory is not its worker's
 
-  /// Whether it counts against what may wait.
+  /// True if the item counts against the number of items that may wait.
   [[nodiscard]] bool takes_place() const { return !reserved && !placed; }
 };
 
-/// Why an item is not taken.
+/// Why an item is refused.
 enum class QueueRefusal { none, jobs, bytes, client_jobs, client_bytes };
 
-/// Items are waiting until pop(), then running until done(). Each is known by its address.
+/// Items wait until pop(), then run until done(). Each is identified by its address.
 template <class Item>
 class JobQueue {
  public:
@@ -70,7 +70,7 @@ class JobQueue {
   explicit JobQueue(const QueueLimits& limits)
       : limits_(limits), passed_over_(limits.passed_over, limits.passed_over_time) {}
 
-  /// Takes the item, or says why not; then the caller keeps it. The newest quota of a client counts.
+  /// Takes the item, or returns why not; the caller then keeps it. The client's newest quota applies.
   [[nodiscard]] QueueRefusal push(std::shared_ptr<Item> item, const Ticket& ticket, const Quota& quota) {
     const auto known = clients_.find(ticket.client);
     const Client& client = known == clients_.end() ? kNobody : known->second;
@@ -105,8 +105,9 @@ class JobQueue {
     return QueueRefusal::none;
   }
 
-  /// The place of an array, which counts as one item that waits until leave_place(), and bytes of its
-  /// elements. With `always` it is taken whatever the limits: what was accepted before they were lowered.
+  /// Takes the place of an array, which counts as one waiting item until leave_place(), and the bytes of its
+  /// elements. With `always`, limits are ignored: for arrays that were accepted before the limits were
+  /// lowered.
   [[nodiscard]] QueueRefusal take_place(const std::string& client, Priority priority, const Quota& quota,
                                         bool always) {
     const auto known = clients_.find(client);
@@ -143,9 +144,9 @@ class JobQueue {
     forget_if_idle(owner);
   }
 
-  /// Counts bytes that wait for their turn outside the queue, until they are released. Of all together they
-  /// are at most half of what may wait, of one client a quarter, so that whoever does not come to their turn
-  /// leaves room for the others. False if there is no room.
+  /// Counts bytes that wait for their turn outside the queue, until they are released. All of them together
+  /// are at most half of what may wait, those of one client a quarter, so that clients whose turn does not
+  /// come leave capacity for the others. False if the bytes exceed a limit.
   [[nodiscard]] bool hold(const std::string& client, std::int64_t bytes, const Quota& quota) {
     const auto known = clients_.find(client);
     const Client& owner = known == clients_.end() ? kNobody : known->second;
@@ -160,7 +161,8 @@ class JobQueue {
     forget_if_idle(owner);
   }
 
-  /// The next item that may run, which then does; null if there is none. Without a time only turns count.
+  /// Returns the next item that may run, and marks it as running; null if there is none. Without a time,
+  /// only turns count.
   [[nodiscard]] std::shared_ptr<Item> pop(Time now = Time()) {
     const std::size_t at = choose_priority(now);
     if (at == kPriorities) return nullptr;
@@ -168,8 +170,8 @@ class JobQueue {
     return take(at, turn, tickets_.at((*turn)->lines[at].begin()->second.get()));
   }
 
-  /// The next item of a priority above this one that may preempt and run, which then does; null if there is
-  /// none.
+  /// Returns the next item of a priority above this one that may preempt and run, and marks it as running;
+  /// null if there is none.
   [[nodiscard]] std::shared_ptr<Item> pop_above(Priority priority) {
     for (std::size_t at = 0; at < static_cast<std::size_t>(priority); ++at) {
       if (preempting_[at] == 0) continue;
@@ -184,7 +186,7 @@ class JobQueue {
     }
     return nullptr;
   }
-  /// The highest priority at which something that may preempt waits; kPriorities if nothing does.
+  /// Returns the highest priority at which an item that may preempt waits; kPriorities if there is none.
   [[nodiscard]] std::size_t most_urgent() const {
     const auto some = [](std::size_t count) { return count > 0; };
     return static_cast<std::size_t>(std::find_if(preempting_.begin(), preempting_.end(), some) -
@@ -199,7 +201,7 @@ class JobQueue {
     forget(found);
   }
 
-  /// True if the item was waiting; it is no more.
+  /// Removes the item if it is waiting; returns whether it was.
   bool remove(const Item* item) {
     const auto found = tickets_.find(item);
     if (found == tickets_.end() || found->second.running) return false;
@@ -207,8 +209,8 @@ class JobQueue {
     return true;
   }
 
-  /// Waiting items that cannot meet their deadline any more, all of them at the end of time; they are out of
-  /// the queue.
+  /// Removes and returns waiting items that can no longer meet their deadline; with the maximum time, all of
+  /// them.
   [[nodiscard]] std::vector<std::shared_ptr<Item>> expire(Time now) {
     std::vector<std::shared_ptr<Item>> late;
     if (now == Time::max()) {
@@ -224,8 +226,8 @@ class JobQueue {
     return late;
   }
 
-  /// Works out for every waiting item how many of its priority will be taken before it, if nothing comes or
-  /// goes: in one sweep over all of them.
+  /// Computes for every waiting item how many of its priority will be taken before it if nothing arrives or
+  /// leaves, in one sweep over all items.
   void update_places() {
     for (std::size_t at = 0; at < kPriorities; ++at) {
       std::vector<std::pair<typename Line::const_iterator, const Line*>> round;
@@ -239,8 +241,8 @@ class JobQueue {
     }
   }
 
-  /// How many of each priority will be taken before this waiting item, nothing for others: as of the last
-  /// update_places(), or, of one that came after it, at most so many.
+  /// Returns how many items of each priority will be taken before this waiting item; zeros for other items.
+  /// As of the last update_places(), or, for an item that arrived after it, an upper bound.
   [[nodiscard]] Ahead ahead_of(const Item* item) const {
     Ahead ahead = {};
     const auto found = tickets_.find(item);
@@ -251,7 +253,7 @@ class JobQueue {
     return ahead;
   }
 
-  /// Tells of every client with something in it its name, and how much waits and runs.
+  /// Calls `tell` for every client in the queue with its name, and how much of it waits and runs.
   template <class Tell>
   void each_client(const Tell& tell) const {
     for (const auto& [name, client] : clients_) {
@@ -267,16 +269,16 @@ class JobQueue {
   }
   [[nodiscard]] std::size_t waiting() const { return std::accumulate(waiting_.begin(), waiting_.end(), 0UL); }
   [[nodiscard]] const Ahead& waiting_by_priority() const { return waiting_; }
-  /// What is waiting is expected to run for so long, by priority.
+  /// Returns the expected total run time of the waiting items, by priority.
   [[nodiscard]] const std::array<double, kPriorities>& work_s() const { return work_s_; }
   [[nodiscard]] int running() const { return running_; }
   [[nodiscard]] std::int64_t bytes() const { return bytes_; }
-  [[nodiscard]] std::size_t clients() const { return clients_.size(); }  ///< with anything in it
-  /// Whether a job of no size would be taken.
+  [[nodiscard]] std::size_t clients() const { return clients_.size(); }  ///< with waiting or running items
+  /// True if a job of size zero would be taken.
   [[nodiscard]] bool has_room(Priority priority) const {
     return unreserved_ < limits_.jobs_for(priority) + limits_.workers;
   }
-  /// Whether pop() would give something.
+  /// True if pop() would return an item.
   [[nodiscard]] bool ready() const {
     for (std::size_t at = 0; at < kPriorities; ++at) {
       if (find_turn(at) != turns_[at].end()) return true;
@@ -285,24 +287,24 @@ class JobQueue {
   }
 
  private:
-  using Key = std::pair<Time, std::int64_t>;  // when it is due, then the order of arrival
+  using Key = std::pair<Time, std::int64_t>;  // when the item is due, then the order of arrival
   using Line = std::map<Key, std::shared_ptr<Item>>;
   struct Client;
   using Turns = std::list<Client*>;
   struct Client {
     Quota quota;
-    int queued = 0, running = 0;       // queued: those that take a place, and places
-    int places = 0;                    // of arrays
-    std::int64_t bytes = 0, held = 0;  // bytes: with those held
+    int queued = 0, running = 0;       // queued: items that take a place, and places
+    int places = 0;                    // places of arrays
+    std::int64_t bytes = 0, held = 0;  // bytes: including held bytes
     std::array<Line, kPriorities> lines;
-    std::array<typename Turns::iterator, kPriorities> turns;  // of those with a line
+    std::array<typename Turns::iterator, kPriorities> turns;  // of priorities with a non-empty line
   };
   struct Known {
     Ticket ticket;
     Client* client;
     Key key;
     bool running;
-    std::size_t ahead;  // of its priority
+    std::size_t ahead;  // number of items of its priority before it
   };
   using Tickets = std::map<const Item*, Known>;
   [[nodiscard]] auto find_turn(std::size_t at) const {
@@ -310,7 +312,7 @@ class JobQueue {
                         [](const Client* client) { return client->running < client->quota.running; });
   }
 
-  // Counts who was passed over, too.
+  // Also counts the priorities that were passed over.
   [[nodiscard]] std::size_t choose_priority(Time now) {
     std::array<bool, kPriorities> able = {};
     for (std::size_t at = 0; at < kPriorities; ++at) able[at] = find_turn(at) != turns_[at].end();
@@ -328,20 +330,20 @@ class JobQueue {
     return item;
   }
 
-  // A line has got one longer: this long.
+  // A line has grown to this length.
   void lengthen(std::size_t at, std::size_t length) {
     if (at_least_[at].size() < length) at_least_[at].resize(length, 0);
     ++at_least_[at][length - 1];
   }
 
-  // All others may have their turn first: Σ min(before + 1, length) over their lines, from whichever end is
-  // nearer.
+  // Upper bound: all others may have their turn first. Σ min(before + 1, length) over their lines, computed
+  // from the nearer end.
   [[nodiscard]] std::size_t most_ahead(std::size_t at, const Line& line,
                                        typename Line::const_iterator place) const {
     const auto behind = static_cast<std::size_t>(std::distance(place, line.end())) - 1;
     const std::size_t before = line.size() - 1 - behind;
     const std::vector<std::size_t>& counts = at_least_[at];
-    std::size_t all = 0;  // of own and others
+    std::size_t all = 0;  // items of this client and of others
     if (before + 1 < counts.size() / 2) {
       all = std::accumulate(counts.begin(), counts.begin() + static_cast<std::ptrdiff_t>(before + 1), 0UL);
     } else {
@@ -351,7 +353,7 @@ class JobQueue {
     return all - 1;
   }
 
-  // With its place in the line.
+  // Removes the item and its place in the line.
   std::shared_ptr<Item> leave_line(Known& known) {
     const Ticket& ticket = known.ticket;
     const auto at = static_cast<std::size_t>(ticket.priority);
@@ -403,16 +405,16 @@ class JobQueue {
   inline static const Client kNobody = {};
 
   const QueueLimits limits_;
-  std::map<std::string, Client> clients_;  // those with something waiting or running
-  std::array<Turns, kPriorities> turns_;   // clients with something waiting, next one first
+  std::map<std::string, Client> clients_;  // clients with waiting or running items
+  std::array<Turns, kPriorities> turns_;   // clients with waiting items, the next one first
   Tickets tickets_;
-  std::set<std::pair<Time, const Item*>> deadlines_;            // of waiting items: when each must have begun
+  std::set<std::pair<Time, const Item*>> deadlines_;            // latest time to begin each waiting item
   std::array<std::vector<std::size_t>, kPriorities> at_least_;  // [k]: lines of more than k items
-  Ahead waiting_ = {}, preempting_ = {};                        // preempting: of them, those that may
+  Ahead waiting_ = {}, preempting_ = {};                        // preempting: those of them that may preempt
   std::array<double, kPriorities> work_s_ = {};
   PassedOver passed_over_;
   int running_ = 0, unreserved_ = 0;
-  std::int64_t bytes_ = 0, held_ = 0, next_number_ = 0;  // bytes: with those held
+  std::int64_t bytes_ = 0, held_ = 0, next_number_ = 0;  // bytes: including held bytes
 };
 
 }  // namespace marble::server

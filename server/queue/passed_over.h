@@ -1,5 +1,5 @@
-// Which priority is next: the highest with something to do, but one that was passed over too often or for too
-// long in a row goes once in between.
+// Chooses the next priority: the highest with something to do, except that one that was passed over too
+// often or for too long in a row goes once in between.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@ class PassedOver {
   PassedOver(int most_turns, std::chrono::steady_clock::duration longest)
       : most_turns_(most_turns), longest_(longest) {}
 
-  /// Of those that are able to go, or kPriorities if none is; counts who was passed over.
+  /// Chooses one of those that are able to go, or kPriorities if none is; counts the ones passed over.
   [[nodiscard]] std::size_t choose(const std::array<bool, kPriorities>& able, Time now) {
     std::size_t chosen = kPriorities;
     for (std::size_t at = kPriorities; at-- > 0;) {
@@ -45,7 +45,7 @@ class PassedOver {
 
  private:
   struct Past {
-    int turns = 0;  // in a row
+    int turns = 0;  // number of times in a row
     Time since;
   };
   const int most_turns_;

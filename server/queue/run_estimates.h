@@ -1,4 +1,4 @@
-// How long jobs are likely to run, by those that ran before them.
+// Estimates how long jobs run from the jobs that ran before them.
 #pragma once
 
 #include <algorithm>
@@ -12,9 +12,9 @@
 
 namespace marble::server {
 
-/// Jobs of one client, priority and class of work run for about as long. A decayed mean and mean deviation of
-/// each, as TCP has of round trips (RFC 6298), and of all clients together, for those that are new. Pure: no
-/// threads, no clock.
+/// Jobs of one client, priority and class of work run for about as long. Keeps a decayed mean and mean
+/// deviation for each of these keys, as TCP does for round trips (RFC 6298), and for all clients together,
+/// for keys that are new. Pure: no threads, no clock.
 class RunEstimates {
  public:
   using Time = std::chrono::steady_clock::time_point;
@@ -26,12 +26,12 @@ class RunEstimates {
     auto operator<=>(const Key&) const = default;
   };
 
-  /// One has run to its end.
+  /// Records a job that ran to its end.
   void ran(const Key& key, double run_s, Time now) {
     add(key, run_s, now);
     add(everybody(key), run_s, now);
   }
-  /// One was stopped after `run_s`: that it would have taken longer is all that is known.
+  /// Records a job that was stopped after `run_s`: it is known only that it would have taken longer.
   void cut(const Key& key, double run_s, Time now) {
     for (const Key& one : {key, everybody(key)}) {
       const auto known = estimates_.find(one);
@@ -39,23 +39,23 @@ class RunEstimates {
     }
   }
 
-  /// Seconds, 0 while nobody knows.
+  /// In seconds; 0 if unknown.
   [[nodiscard]] double mean_s(const Key& key) const {
     const Estimate* known = find(key);
     return known == nullptr ? 0.0 : known->mean_s;
   }
-  /// The same, with what it varies by: most take no longer.
+  /// Returns the mean plus the deviation: most jobs take no longer.
   [[nodiscard]] double likely_s(const Key& key) const {
     const Estimate* known = find(key);
     return known == nullptr ? 0.0 : known->mean_s + known->deviation_s;
   }
-  /// The same, with four times that, as RFC 6298 waits: hardly any takes longer.
+  /// Returns the mean plus four times the deviation, the timeout of RFC 6298: almost no job takes longer.
   [[nodiscard]] double longest_s(const Key& key) const {
     const Estimate* known = find(key);
     return known == nullptr ? 0.0 : known->mean_s + 4.0 * known->deviation_s;
   }
-  /// Whether one may run against the estimate, which is old; then no other may for a while. Without it a
-  /// single slow run would refuse all that come after it for ever.
+  /// True if one job may run against an old estimate; no other may for a while after it. Without this, a
+  /// single slow run would cause all later jobs to be refused forever.
   [[nodiscard]] bool may_try(const Key& key, Time now) {
     const auto known = estimates_.find(key);
     if (known == estimates_.end()) return true;
@@ -65,16 +65,16 @@ class RunEstimates {
   }
 
   [[nodiscard]] std::size_t size() const { return estimates_.size(); }
-  static constexpr std::size_t kMost = 4096;  ///< estimates that are kept; the oldest makes room
+  static constexpr std::size_t kMost = 4096;  ///< number of estimates that are kept; the oldest is dropped
 
  private:
   static constexpr std::chrono::steady_clock::duration kOld = std::chrono::seconds(1);
   static constexpr double kNewest = 0.125, kNewestDeviation = 0.25;  // weights, those of RFC 6298
-  static constexpr double kFarBelow = 0.25;                          // of the mean
+  static constexpr double kFarBelow = 0.25;                          // relative to the mean
 
   struct Estimate {
     double mean_s = 0.0, deviation_s = 0.0;
-    Time seen;  // when one has last ended, or was allowed to try
+    Time seen;  // when a job last ended, or was allowed to run against the estimate
   };
 
   [[nodiscard]] static Key everybody(const Key& key) { return {"", key.priority, key.work_class}; }
@@ -88,7 +88,7 @@ class RunEstimates {
     const auto known = estimates_.find(key);
     if (known != estimates_.end()) {
       Estimate& estimate = known->second;
-      if (run_s < kFarBelow * estimate.mean_s) {  // the work is another by now: soon that is known
+      if (run_s < kFarBelow * estimate.mean_s) {  // the work has changed: the estimate adapts at once
         estimate.mean_s = 0.5 * (estimate.mean_s + run_s);
         estimate.deviation_s = 0.5 * estimate.mean_s;
       } else {

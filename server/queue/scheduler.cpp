@@ -12,8 +12,8 @@ namespace marble::server {
 namespace {
 
 constexpr double kNewest = 0.1;                           // weight of the newest solve in the mean
-constexpr auto kPlaces = std::chrono::milliseconds(250);  // between two looks at all places in the queue
-// Of the time until a deadline, for the answer to arrive: a tenth, but no more than a busy machine needs.
+constexpr auto kPlaces = std::chrono::milliseconds(250);  // between updates of all places in the queue
+// Part of the time until a deadline for the result to arrive: a tenth, but no more than a busy machine needs.
 constexpr double kForAnswer = 0.1;
 constexpr double kForAnswerS = 0.025;
 
@@ -25,7 +25,7 @@ Error cannot_be_in_time(double left_s, double wait_s, double likely_s) {
                      std::to_string(likely_s) + " s");
 }
 
-// Updates of sessions have a contract of their own: what is not over is tried.
+// Updates of sessions follow a contract of their own: they are tried unless their deadline has passed.
 bool may_be_refused(const Ticket& ticket) {
   return !ticket.reserved && ticket.deadline != Clock::time_point::max();
 }
@@ -98,7 +98,7 @@ Scheduler::~Scheduler() {
 Expected<QueuePlace> Scheduler::admit(const std::shared_ptr<Job>& job,
                                       const std::weak_ptr<RoomWaiter>& waiter) {
   Expected<QueuePlace> place = enqueue(job, waiter);
-  if (place) work_.notify_one();  // without the lock, which the worker wants at once
+  if (place) work_.notify_one();  // without the lock, which the worker needs at once
   return place;
 }
 
@@ -113,7 +113,7 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
   if (job->ticket.expected_run_s == 0.0)
     job->ticket.expected_run_s = mean_run_s_[static_cast<std::size_t>(job->ticket.priority)];
   if (may_be_refused(job->ticket)) {
-    // What is begun should end in time, but what has little time from the first is not refused for that.
+    // A job that begins should end in time, but one with little time from the start is not refused for it.
     const double half_s = std::max(0.0, 0.5 * seconds(job->ticket.deadline - Clock::now()));
     job->ticket.least_run = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
         std::min(half_s, estimates_.longest_s(key) + for_answer_s(2.0 * half_s))));
@@ -145,9 +145,8 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
   return place;
 }
 
-// Takes a job out again that by what is known of jobs like it cannot end in time, unless a worker has nothing
-// else to do. Of those that an idle server could not do in time either, one a while is tried: the estimate
-// may be wrong by now.
+// Removes a job again that by the estimates cannot end in time, unless a worker is idle. Of jobs that even
+// an idle server could not finish in time, one is tried now and then: the estimate may be outdated.
 Expected<void> Scheduler::check_deadline(const std::shared_ptr<Job>& job, const RunEstimates::Key& key,
                                          double wait_s) {
   const Clock::time_point now = Clock::now();
@@ -156,11 +155,11 @@ Expected<void> Scheduler::check_deadline(const std::shared_ptr<Job>& job, const 
   const double likely_s = estimates_.likely_s(key);
   if (left_s <= 0.0 || wait_s + likely_s <= left_for_it_s) return {};
   queue_.remove(job.get());
-  const bool is_free = wait_s <= 0.0;  // a worker, with nothing better to do
+  const bool is_free = wait_s <= 0.0;  // a worker that has nothing better to do
   if (!is_free && (wait_s > left_for_it_s || !estimates_.may_try(key, now)))
     return unexpected(cannot_be_in_time(left_s, wait_s, likely_s));
   job->ticket.least_run = {};
-  static_cast<void>(queue_.push(job, job->ticket, job->quota));  // where it has just been
+  static_cast<void>(queue_.push(job, job->ticket, job->quota));  // back to the place that it just left
   return {};
 }
 
@@ -266,7 +265,7 @@ void Scheduler::learn(const Job& job, const Outcome& outcome, double run_s) {
 void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
   outcome.total_s = seconds(Clock::now() - job.accepted);
   if (!ran) outcome.queue_s = outcome.total_s;
-  if (!ran) outcome.retry_delay_s = retry_delay_s();  // what failed by itself would fail again
+  if (!ran) outcome.retry_delay_s = retry_delay_s();  // a job that failed by itself would fail again
   job.work = nullptr;
   log_end(log_, job, outcome);
   metrics_.job_ended(counted_of(job, outcome));
@@ -361,7 +360,7 @@ void Scheduler::drain(std::chrono::duration<double> grace) {
     closed_ = true;
     room_waiters.swap(room_waiters_);
   }
-  for (const auto& waiter : room_waiters) {  // to be refused
+  for (const auto& waiter : room_waiters) {  // they are refused
     if (const auto strong = waiter.lock()) strong->room();
   }
   {
@@ -457,7 +456,7 @@ QueuePlace Scheduler::place(const Job& job) const {
   return place_of(job, busy_s());
 }
 
-// Those ahead at the mean of what waits at their priorities, once a worker is free.
+// The jobs ahead, at the mean run time of what waits at their priorities, once a worker is free.
 QueuePlace Scheduler::place_of(const Job& job, const std::vector<double>& busy_s) const {
   if (!queue_.is_waiting(&job)) return {};
   const auto ahead = queue_.ahead_of(&job);
@@ -478,7 +477,7 @@ std::vector<double> Scheduler::busy_s() const {
   const Clock::time_point now = Clock::now();
   for (const auto& running : running_) {
     const Job& job = *running;
-    if (job.is_paused || job.stop.stop_requested()) continue;  // there is another; it ends in a moment
+    if (job.is_paused || job.stop.stop_requested()) continue;  // replaced by another, or ends soon
     const double elapsed_s = seconds(now - job.begun);
     double most_s = job.time_limit_s - elapsed_s;
     if (job.ticket.deadline != Clock::time_point::max())

@@ -1,5 +1,5 @@
-// Admission, queue and workers: takes jobs in, runs each on one of a fixed number of threads, answers every
-// one.
+// Admission, queue and workers: accepts jobs, runs each on one of a fixed number of threads, and gives every
+// job a result.
 #pragma once
 
 #include <array>
@@ -25,32 +25,32 @@ namespace marble::server {
 
 struct Counters {
   std::int64_t accepted = 0, answered = 0, solved = 0, refused = 0, cancelled = 0, failed = 0;
-  std::int64_t updates = 0, updates_solved = 0;  ///< of sessions, answered
+  std::int64_t updates = 0, updates_solved = 0;  ///< updates of sessions with a result
   std::array<std::int64_t, kRefusalReasons> refused_by_reason = {};
-  double busy_s = 0.0;  ///< that workers have spent on jobs
+  double busy_s = 0.0;  ///< time that workers have spent on jobs
   int queued = 0, running = 0;
   std::int64_t request_bytes = 0;  ///< waiting or running
   std::array<int, kPriorities> queued_by_priority = {};
-  std::array<double, kPriorities> estimated_wait_s = {};  ///< of a job that came now
+  std::array<double, kPriorities> estimated_wait_s = {};  ///< wait of a job that would arrive now
 };
 
-/// Somebody slowed by a full queue.
+/// An object that waits for capacity in a full queue.
 class RoomWaiter {
  public:
   virtual ~RoomWaiter() = default;
-  /// There may be room now.
+  /// There may be capacity now.
   virtual void room() = 0;
 };
 
-/// What a queue's refusal is told as. `none` is no error.
+/// Returns the error for a queue's refusal. `none` is no error.
 [[nodiscard]] Error refusal_of(QueueRefusal why, const QueueLimits& limits, const Ticket& ticket,
                                const Quota& quota);
 
-/// Why a job was not begun that has a deadline.
+/// Returns the error of a job that was not begun because of its deadline.
 [[nodiscard]] Error too_late(const Job& job, Clock::time_point now);
 
-/// What is counted of a job that has ended; views both. A set-up of a session solves nothing, and its updates
-/// set up nothing.
+/// Returns what is counted of a job that has ended; views both arguments. A session's set-up solves nothing,
+/// and its updates set up nothing.
 [[nodiscard]] EndedJob counted_of(const Job& job, const Outcome& outcome);
 
 class Scheduler final : public Pulsed, public TaskRunner {
@@ -60,33 +60,33 @@ class Scheduler final : public Pulsed, public TaskRunner {
   Scheduler(const Scheduler&) = delete;
   Scheduler& operator=(const Scheduler&) = delete;
 
-  /// Takes the job in and returns its place in the queue; its observer will hear of it, exactly once to the
-  /// end. Errors, after which the observer hears nothing: unavailable (draining), resource_exhausted (queue,
-  /// bytes, or the client's quota of them; the waiter, if there is one, is then told once when it is worth
-  /// trying again, unless the job does not even fit alone; or "deadline": by what is known of jobs like it,
-  /// it cannot end in time).
+  /// Accepts the job and returns its place in the queue; its observer is notified until the end, which is
+  /// reported exactly once. Errors, after which the observer is not called: unavailable (draining),
+  /// resource_exhausted (queue, bytes, or the client's quota of them; the waiter, if there is one, is then
+  /// notified once when a retry may succeed, unless the job would not fit into an empty queue; or
+  /// "deadline": by the estimates from similar jobs, it cannot end in time).
   [[nodiscard]] Expected<QueuePlace> admit(const std::shared_ptr<Job>& job,
                                            const std::weak_ptr<RoomWaiter>& waiter = {})
       ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// As admit(). Where a worker is idle and jobs like it have been short, this one runs at once on the
-  /// calling thread, in that worker's place: to wake the worker takes longer than such a job. What is not
-  /// done within kMostHere is begun anew by a worker, to the same bits. Its work must bear to be called
-  /// twice.
+  /// Like admit(). If a worker is idle and similar jobs have been short, the job runs at once on the calling
+  /// thread, in that worker's place: waking the worker takes longer than such a job. A job that is not done
+  /// within kMostHere is begun again by a worker, with the same bits as result. Its work must allow a second
+  /// call.
   [[nodiscard]] Expected<QueuePlace> admit_here(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
   static constexpr std::chrono::milliseconds kMostHere{2};
 
-  /// Jobs that would begin at once, if they came now; below 0 if there are some that wait.
+  /// Number of jobs that would begin at once if they arrived now; negative if jobs are waiting.
   [[nodiscard]] int free_workers() const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Is told whenever a job has ended.
+  /// Sets the listener, which is notified whenever a job has ended.
   void set_room_listener(const std::weak_ptr<RoomWaiter>& listener) ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// Whether the job would be taken if there were no other.
+  /// True if an empty queue would take the job.
   [[nodiscard]] bool fits_alone(const Job& job) const {
     return job.ticket.bytes <= std::min(limits_.bytes, job.quota.bytes);
   }
 
-  /// Bytes of an update that waits in its session, counted while this lives.
+  /// Bytes of an update that waits in its session, counted while this object lives.
   class Held {
    public:
     Held(Scheduler& scheduler, std::string client, std::int64_t bytes)
@@ -100,11 +100,11 @@ class Scheduler final : public Pulsed, public TaskRunner {
     const std::string client_;
     const std::int64_t bytes_;
   };
-  /// Null if there is no room for so many among the queue's bytes, or the client's: JobQueue::hold().
+  /// Null if so many bytes exceed what is free in the queue or in the client's quota: JobQueue::hold().
   [[nodiscard]] std::unique_ptr<Held> hold(const std::string& client, std::int64_t bytes, const Quota& quota)
       ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// The place of an array in the queue, and the bytes of its elements, for as long as this lives.
+  /// The place of an array in the queue, and the bytes of its elements, while this object lives.
   class Place {
    public:
     Place(Scheduler& scheduler, std::string client, Quota quota, bool always)
@@ -113,9 +113,9 @@ class Scheduler final : public Pulsed, public TaskRunner {
     Place(const Place&) = delete;
     Place& operator=(const Place&) = delete;
 
-    /// By one thread at a time. Errors: resource_exhausted (bytes, or the client's quota of them).
+    /// Called by one thread at a time. Errors: resource_exhausted (bytes, or the client's quota of them).
     [[nodiscard]] Expected<void> add_bytes(std::int64_t bytes);
-    /// Of one that has ended.
+    /// Of an element that has ended.
     void remove_bytes(std::int64_t bytes);
 
    private:
@@ -125,69 +125,70 @@ class Scheduler final : public Pulsed, public TaskRunner {
     const bool always_;
     std::int64_t bytes_ = 0;
   };
-  /// One job of the client's quota, whose elements are then `placed`. With `always` it is taken whatever the
-  /// limits. Errors: unavailable (draining), resource_exhausted (queue, or the client's quota).
+  /// Takes one job of the client's quota for an array, whose elements are then `placed`. With `always`,
+  /// limits are ignored. Errors: unavailable (draining), resource_exhausted (queue, or the client's quota).
   [[nodiscard]] Expected<std::unique_ptr<Place>> open_place(const std::string& client, Priority priority,
                                                             const Quota& quota, bool always)
       ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// The client gave up, or its deadline passed: a waiting job is answered at once, a running one stops
-  /// within 100 ms. Does nothing to a finished one.
+  /// The client cancelled, or its deadline passed: a waiting job ends at once, a running one stops within
+  /// 100 ms. No effect on a finished job.
   void cancel(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// Counts a request that did not become a job, whoever refused it.
+  /// Counts a request that was refused before it became a job.
   void count_refused(const Error& error) ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// It will close soon: until then it admits everything, but whoever asks should go elsewhere.
+  /// Announces that the scheduler will close soon: it still admits everything, but clients should go
+  /// elsewhere.
   void give_notice() ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Closed, or about to be.
+  /// True if closed, or about to close.
   [[nodiscard]] bool is_leaving() const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Admits nothing more from now on, but for updates of sessions.
+  /// Admits nothing more from now on, except updates of sessions.
   void close() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool is_closed() const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Closed, and every accepted job is answered.
+  /// True if closed and every accepted job has its result.
   [[nodiscard]] bool is_drained() const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Closes, then returns when every accepted job is answered. After `grace` running solves are stopped and
-  /// give their best iterate, waiting ones are answered with unavailable.
+  /// Closes, then returns when every accepted job has its result. After `grace`, running solves are stopped
+  /// and return their best iterate, and waiting jobs get unavailable.
   void drain(std::chrono::duration<double> grace) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Ends the grace of a drain that is under way now.
+  /// Ends the grace period of a drain in progress now.
   void hurry() ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// Runs pieces of a running job on its own thread, and on workers that have nothing else to do.
+  /// Runs tasks of a running job on its own thread, and on workers that have nothing else to do.
   void run(std::span<const std::function<void()>> tasks) override ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// Answers waiting jobs that cannot meet their deadlines any more, and, a few times a second, tells the
-  /// others their places.
+  /// Ends waiting jobs that can no longer meet their deadlines and, a few times a second, reports their
+  /// places to the others.
   void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
   [[nodiscard]] Counters counters() const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Jobs and updates of sessions that were answered.
+  /// Jobs and updates of sessions that got a result.
   [[nodiscard]] LastMinute::Sum last_minute() const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// The same: from acceptance to answer, in the last so many seconds.
+  /// The same jobs: time from acceptance to result, over the last `seconds`.
   [[nodiscard]] Latencies::Quantiles latencies(std::int64_t seconds) const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] ClientShares client_shares() const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] const QueueLimits& limits() const { return limits_; }
-  /// When a refused request may be tried again: after a queue's worth of the mean solve, when a worker is
-  /// free; within [10 ms, 10 s].
+  /// Returns when a refused request may be retried: after a full queue's worth of mean solves, when a worker
+  /// is free; within [10 ms, 10 s].
   [[nodiscard]] double retry_delay_s() const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Where a job stands; {0, 0} unless it waits.
+  /// Returns the job's place in the queue; {0, 0} unless it waits.
   [[nodiscard]] QueuePlace place(const Job& job) const ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   void release(const std::string& client, std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
   void leave(const std::string& client, std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
-  // With `here` it says whether the job has begun in the place of an idle worker.
+  // With `here`, it returns whether the job has begun in the place of an idle worker.
   [[nodiscard]] Expected<QueuePlace> enqueue(const std::shared_ptr<Job>& job,
                                              const std::weak_ptr<RoomWaiter>& waiter, bool* here = nullptr)
       ABSL_LOCKS_EXCLUDED(mutex_);
   void work() ABSL_LOCKS_EXCLUDED(mutex_);
-  // Tasks of a running job; on its worker's stack, and in shared_tasks_ while there are some to begin.
+  // Tasks of a running job; on its worker's stack, and in shared_tasks_ while some have not begun.
   struct SharedTasks {
     std::span<const std::function<void()>> tasks;
     std::size_t next = 0;
     int helpers = 0;
   };
-  // The next job, or a task of somebody else's to help with, or neither: the end.
+  // The next job, or a task of another job to help with; neither of them means the end.
   struct Next {
     std::shared_ptr<Job> job;
     SharedTasks* shared = nullptr;
@@ -196,13 +197,14 @@ class Scheduler final : public Pulsed, public TaskRunner {
   [[nodiscard]] Next next() ABSL_LOCKS_EXCLUDED(mutex_);
   class SteppingAside;
   class HereLimit;
-  // The job, which was queued just now, in the place of an idle worker; false if it has to wait for one.
+  // Starts the job, which was queued just now, in the place of an idle worker; false if it must wait for
+  // one.
   [[nodiscard]] bool begin_here(const std::shared_ptr<Job>& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void run_here(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
-  // On whichever thread works for a job of lower priority: runs the next one above it, if there is one that
-  // no idle worker takes. True if it did.
+  // Called on any thread that works for a job of lower priority: runs the next job above it, if there is one
+  // that no idle worker takes. Returns whether it did.
   bool run_urgent(Job& paused, bool own_thread) ABSL_LOCKS_EXCLUDED(mutex_);
-  // One on top of another steps aside for nobody.
+  // A job on top of another one is not preempted.
   void run_job(const std::shared_ptr<Job>& job, bool on_top) ABSL_LOCKS_EXCLUDED(mutex_);
   void end_job(const std::shared_ptr<Job>& job, Outcome outcome, Clock::duration paused)
       ABSL_LOCKS_EXCLUDED(mutex_);
@@ -218,11 +220,11 @@ class Scheduler final : public Pulsed, public TaskRunner {
   [[nodiscard]] Expected<void> check_deadline(const std::shared_ptr<Job>& job, const RunEstimates::Key& key,
                                               double wait_s) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void learn(const Job& job, const Outcome& outcome, double run_s) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  // For how long each worker is likely to be busy with what it does, in ascending order.
+  // Returns for how long each worker is likely to be busy with its job, in ascending order.
   [[nodiscard]] std::vector<double> busy_s() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] double wait_s(std::size_t ahead, double work_s, const std::vector<double>& busy_s) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  // That workers work at now: without those that are paused.
+  // Jobs that workers run now, without paused ones.
   [[nodiscard]] int running() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     return queue_.running() - paused_;
   }
@@ -235,13 +237,13 @@ class Scheduler final : public Pulsed, public TaskRunner {
   const Log& log_;
   Metrics& metrics_;
   mutable Mutex mutex_;
-  Condition work_;      // something was queued, a client's quota is free again, or stopping_
-  Condition progress_;  // something ended, or hurried_
+  Condition work_;      // signals: a job was queued, a client's quota is free again, or stopping_
+  Condition progress_;  // signals: a job ended, or the grace period did
   JobQueue<Job> queue_ ABSL_GUARDED_BY(mutex_);
-  std::atomic<std::size_t> most_urgent_ = kPriorities;  // of what may preempt: for who does not have the lock
+  std::atomic<std::size_t> most_urgent_ = kPriorities;  // of what may preempt; read without the lock
   int idle_ ABSL_GUARDED_BY(mutex_) = 0;                // workers that wait for work
-  int here_ ABSL_GUARDED_BY(mutex_) = 0;                // jobs that run in the place of one of those
-  std::vector<std::shared_ptr<Job>> begun_here_ ABSL_GUARDED_BY(mutex_);  // and took too long for it
+  int here_ ABSL_GUARDED_BY(mutex_) = 0;                // jobs that run in the place of an idle worker
+  std::vector<std::shared_ptr<Job>> begun_here_ ABSL_GUARDED_BY(mutex_);  // jobs that took too long for it
   int paused_ ABSL_GUARDED_BY(mutex_) = 0;  // running jobs whose workers run others on top
   std::vector<std::shared_ptr<Job>> running_ ABSL_GUARDED_BY(mutex_);
   struct PlaceListener {
@@ -252,8 +254,8 @@ class Scheduler final : public Pulsed, public TaskRunner {
   std::vector<std::weak_ptr<RoomWaiter>> room_waiters_ ABSL_GUARDED_BY(mutex_);
   std::weak_ptr<RoomWaiter> room_listener_ ABSL_GUARDED_BY(mutex_);
   std::vector<SharedTasks*> shared_tasks_ ABSL_GUARDED_BY(mutex_);
-  Condition helped_;                           // a helper has ended its task
-  int finishing_ ABSL_GUARDED_BY(mutex_) = 0;  // left queue or worker, observer not yet told
+  Condition helped_;                           // signals: a helper has ended its task
+  int finishing_ ABSL_GUARDED_BY(mutex_) = 0;  // left queue or worker, observer not yet notified
   Counters counters_ ABSL_GUARDED_BY(mutex_);
   LastMinute last_minute_ ABSL_GUARDED_BY(mutex_);
   Latencies latencies_ ABSL_GUARDED_BY(mutex_);

@@ -1,4 +1,4 @@
-// Open sessions: how many there are, whose they are, and what memory they take.
+// Open sessions: their number, their clients, and the memory they use.
 #pragma once
 
 #include <cstdint>
@@ -14,13 +14,13 @@ namespace marble::server {
 
 struct SessionLimits {
   int sessions = 0;
-  std::int64_t bytes = 0;  ///< of all together
+  std::int64_t bytes = 0;  ///< memory of all sessions together
 };
 
 /// Thread-safe.
 class SessionTable {
  public:
-  /// One session's share of the limits, given back at its end.
+  /// One session's share of the limits, released at its end.
   class Place {
    public:
     Place(SessionTable& table, std::string client) : table_(table), client_(std::move(client)) {}
@@ -44,10 +44,10 @@ class SessionTable {
 
   struct Usage {
     int sessions = 0;
-    std::int64_t bytes = 0, total = 0;  ///< total: sessions opened so far
+    std::int64_t bytes = 0, total = 0;  ///< total: number of sessions opened so far
   };
   [[nodiscard]] Usage usage() const ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Bytes that one more may take.
+  /// Bytes that one more session may use.
   [[nodiscard]] std::int64_t room() const ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:

@@ -1,5 +1,4 @@
-// What a worker's thread does: jobs, pieces of others' jobs, and what is more urgent than either on top of
-// them.
+// The work of a worker's thread: jobs, tasks of other jobs, and more urgent jobs that preempt either.
 #include <algorithm>
 #include <exception>
 #include <new>
@@ -9,7 +8,7 @@
 namespace marble::server {
 namespace {
 
-// To the job's record, and to who waits for it.
+// Sends progress to the job's record and to its observer.
 class ProgressSplitter final : public ProgressSink {
  public:
   explicit ProgressSplitter(Job& job) : record_(*job.record), observer_(job.observer->progress()) {}
@@ -24,7 +23,7 @@ class ProgressSplitter final : public ProgressSink {
   ProgressSink* const observer_;
 };
 
-// Everything a job can do to itself ends here, as an error of that job alone.
+// Every failure inside a job is caught here and becomes an error of that job alone.
 Expected<Solution> solve(Job& job, TaskRunner& runner, Pause* pause, const std::stop_token& stop) {
   try {
     ProgressSplitter progress(job);
@@ -42,7 +41,7 @@ Expected<Solution> solve(Job& job, TaskRunner& runner, Pause* pause, const std::
   }
 }
 
-// Its record begins anew with every begin of the work.
+// The record restarts whenever the work starts.
 void tell_started(Job& job, double queue_s) {
   job.record->started(queue_s);
   if (!std::exchange(job.has_started, true)) job.observer->started(queue_s);
@@ -50,8 +49,8 @@ void tell_started(Job& job, double queue_s) {
 
 }  // namespace
 
-// How a running job steps aside. For each pause it runs an eighth as long before the next: whatever comes, it
-// goes on.
+// Lets a running job be preempted. For each pause, the job runs an eighth as long before the next one, so it
+// always progresses.
 class Scheduler::SteppingAside final : public Pause {
  public:
   SteppingAside(Scheduler& scheduler, Job& job) : scheduler_(scheduler), job_(job) {}
@@ -74,11 +73,11 @@ class Scheduler::SteppingAside final : public Pause {
   Scheduler& scheduler_;
   Job& job_;
   const std::thread::id owner_ = std::this_thread::get_id();
-  std::atomic<Clock::duration> paused_ = Clock::duration();  // of the owner
+  std::atomic<Clock::duration> paused_ = Clock::duration();  // time in which the owner was paused
   std::atomic<Clock::time_point> goes_on_until_ = Clock::time_point();
 };
 
-// Ends a solve on a thread that must not be kept for long.
+// Ends a solve on a thread that must not be used for long.
 class Scheduler::HereLimit final : public Pause {
  public:
   HereLimit(Clock::time_point until, std::stop_source& stop) : until_(until), stop_(stop) {}
@@ -93,10 +92,10 @@ class Scheduler::HereLimit final : public Pause {
  private:
   const Clock::time_point until_;
   std::stop_source& stop_;
-  std::atomic<bool> is_reached_ = false;  // helpers look too
+  std::atomic<bool> is_reached_ = false;  // helpers read it too
 };
 
-// Jobs that wait go before tasks of others.
+// Waiting jobs go before tasks of other jobs.
 Scheduler::Next Scheduler::next() {
   const MutexLock lock(mutex_);
   while (true) {
@@ -107,7 +106,7 @@ Scheduler::Next Scheduler::next() {
       job->begun = Clock::now();
       return {.job = std::move(job)};
     }
-    // One that runs in an idle worker's place leaves none to run another.
+    // A job that runs in the place of an idle worker leaves no worker for another job.
     std::shared_ptr<Job> job = running() < limits_.workers ? queue_.pop(Clock::now()) : nullptr;
     if (job != nullptr) {
       look_at_waiting();
@@ -170,10 +169,11 @@ const std::function<void()>& Scheduler::begin_task(SharedTasks& shared) {
   return task;
 }
 
-// What is shared may stand on the stack, for it outlives every use: it is in shared_tasks_ only while there
-// are tasks to begin, and whoever took it from there counts as a helper, for whom this waits. No task throws.
+// The shared tasks may be on the stack, because they outlive every use: they are in shared_tasks_ only while
+// there are tasks to begin, and each thread that took them from there counts as a helper, for which this
+// function waits. No task throws.
 void Scheduler::run(std::span<const std::function<void()>> tasks) {
-  if (tasks.empty()) return;  // begin_task would never take it out again
+  if (tasks.empty()) return;  // begin_task would never remove it
   SharedTasks shared{tasks};
   const auto next_task = [&]() ABSL_LOCKS_EXCLUDED(mutex_) -> const std::function<void()>* {
     const MutexLock lock(mutex_);
@@ -221,7 +221,7 @@ bool Scheduler::begin_here(const std::shared_ptr<Job>& job) {
   const bool is_short = longest_s > 0.0 && longest_s < 0.5 * seconds(kMostHere);
   const bool has_time = Clock::now() + kMostHere < job->ticket.deadline;
   if (!is_short || !has_time || idle_ <= here_ || queue_.waiting() != 1) return false;
-  if (queue_.pop(Clock::now()) == nullptr) return false;  // its client is at its quota
+  if (queue_.pop(Clock::now()) == nullptr) return false;  // the job's client is at its quota
   look_at_waiting();
   job->begun = Clock::now();
   running_.push_back(job);
@@ -239,7 +239,7 @@ void Scheduler::run_here(const std::shared_ptr<Job>& job) {
     const std::stop_callback forward(job->stop.get_token(), [&stop] { stop.request_stop(); });
     outcome.solution = solve(*job, *this, &limit, stop.get_token());
   }
-  // Also where it is solved: a search after that may have been cut.
+  // Even if it is solved: a search after the solution may have been cut short.
   if (limit.is_reached() && !job->stop.stop_requested()) {
     {
       const MutexLock lock(mutex_);
@@ -256,7 +256,7 @@ void Scheduler::run_here(const std::shared_ptr<Job>& job) {
 void Scheduler::end_job(const std::shared_ptr<Job>& job, Outcome outcome, Clock::duration paused) {
   const Clock::time_point begin = job->begun;
   outcome.also = std::move(job->also);
-  job->work = nullptr;  // before its bytes are counted free: an answer may wait long for its reader
+  job->work = nullptr;  // before its bytes are released: a result may wait long for its reader
   bool others_ready = false;
   {
     const MutexLock lock(mutex_);

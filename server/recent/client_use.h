@@ -1,4 +1,4 @@
-// Who kept the workers busy in the last minutes, in slices of half a minute. No threads, no clock.
+// Which clients kept the workers busy in the last minutes, in slices of half a minute. No threads, no clock.
 #pragma once
 
 #include <algorithm>
@@ -11,27 +11,28 @@
 
 namespace marble::server {
 
-/// What a client had of the workers.
+/// A client's use of the workers.
 struct ClientUse {
   std::int64_t done = 0;  ///< jobs, and updates of sessions
   double busy_s = 0.0;
 };
 
-/// What a client has of the workers now, and had of them in the last minutes.
+/// A client's use of the workers now and in the last minutes.
 struct ClientShare {
   std::string client;
   int running = 0, queued = 0;
-  ClientUse use = {};  ///< with what runs
+  ClientUse use = {};  ///< including running jobs
 };
 
 struct ClientShares {
   static constexpr std::size_t kMost = 64;
-  std::vector<ClientShare> clients;  ///< those that took most first, kMost at most
+  std::vector<ClientShare> clients;  ///< those with the greatest use first, kMost at most
   ClientShare others;                ///< all others together, without a name
-  double seconds = 0.0;              ///< the time looked at
+  double seconds = 0.0;              ///< length of the period
 };
 
-/// Bounded whatever names clients give themselves: a slice knows kMostClients by name and all others as one.
+/// Bounded regardless of the names that clients choose: a slice knows kMostClients by name and all others as
+/// one.
 class ClientUses {
  public:
   using Time = std::chrono::steady_clock::time_point;
@@ -41,17 +42,17 @@ class ClientUses {
   static constexpr std::size_t kSlices = 10;
   static constexpr std::int64_t kSeconds = kSliceSeconds * static_cast<std::int64_t>(kSlices);
 
-  /// The time that a sum has: the slice that has begun, and those before it.
+  /// Returns the length of the period of a sum: the current slice, and those before it.
   [[nodiscard]] static double seconds(Time now) {
     return seconds_of(now) - static_cast<double>((slice_of(now) + 1) * kSliceSeconds - kSeconds);
   }
 
   struct Sum {
     Uses clients;
-    ClientUse others;  ///< of slices that had no room for their names
+    ClientUse others;  ///< use in slices that were full of other names
   };
 
-  /// A worker has worked for this client until now, and has an answer or not. Time does not go back.
+  /// A worker has worked for this client until now, with or without a result. Time does not go back.
   void add(Time now, const std::string& client, double busy_s, bool answered) {
     std::int64_t number = slice_of(now);
     if (answered) ++use_of(number, client).done;
@@ -64,7 +65,7 @@ class ClientUses {
     }
   }
 
-  /// Of the last seconds(now), up to kSeconds.
+  /// Returns the use in the last seconds(now), up to kSeconds.
   [[nodiscard]] Sum sum(Time now) const {
     Sum sum;
     for (const Slice& slice : slices_) {
@@ -80,7 +81,7 @@ class ClientUses {
     std::int64_t number = -static_cast<std::int64_t>(kSlices);
     Sum sum;
   };
-  // Of the slice of this number, which is none that another has taken the place of.
+  // Returns the entry in the slice of this number, whose place no later slice has taken.
   ClientUse& use_of(std::int64_t number, const std::string& client) {
     Slice& slice = slices_[place_of(number)];
     if (slice.number != number) slice = {number, {}};

@@ -1,5 +1,5 @@
-// How long answers took lately, as counts in buckets: a second each in time, a twentieth of a decade each in
-// length. No threads, no clock.
+// Recent latencies, as counts in buckets: one second of time by a twentieth of a decade of latency. No
+// threads, no clock.
 #pragma once
 
 #include <algorithm>
@@ -11,26 +11,26 @@
 
 namespace marble::server {
 
-/// 45 KiB, however much is answered.
+/// Uses 45 KiB, for any number of results.
 class Latencies {
  public:
   using Time = std::chrono::steady_clock::time_point;
-  static constexpr std::int64_t kSeconds = 60;        ///< that are remembered
-  static constexpr std::int64_t kNewestSeconds = 10;  ///< for a curve
+  static constexpr std::int64_t kSeconds = 60;        ///< seconds that are kept
+  static constexpr std::int64_t kNewestSeconds = 10;  ///< seconds for a curve
 
   struct Quantiles {
-    double median_s = std::numeric_limits<double>::quiet_NaN();  ///< NaN: nothing was answered
+    double median_s = std::numeric_limits<double>::quiet_NaN();  ///< NaN: there were no results
     double p99_s = median_s;
   };
 
-  /// One answer. Time does not go back.
+  /// Adds one result. Time does not go back.
   void add(Time now, double took_s) {
     Slice& slice = slices_[place_of(second_of(now))];
     if (slice.second != second_of(now)) slice = {second_of(now), {}};
     ++slice.counts[bucket_of(took_s)];
   }
 
-  /// Of the last seconds, to 6 %.
+  /// Returns the quantiles over the last `seconds`, to 6 %.
   [[nodiscard]] Quantiles quantiles(Time now, std::int64_t seconds = kSeconds) const {
     Counts counts = {};
     for (const Slice& slice : slices_) {

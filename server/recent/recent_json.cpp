@@ -8,7 +8,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-// To four digits, or to a thousandth: 640 points of eight columns fit into 64 KiB.
+// To four digits, or to a thousandth, so that 640 points of eight columns fit into 64 KiB.
 Json rounded(double value) {
   if (!std::isfinite(value)) return nullptr;
   const double size = std::max(1e-12, std::abs(value));
@@ -24,7 +24,7 @@ Json json_of(const ClientShare& share) {
           {"busy_s", rounded(share.use.busy_s)}};
 }
 
-// Names may hold anything.
+// Names may contain any bytes.
 std::string text_of(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
 }  // namespace

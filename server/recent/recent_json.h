@@ -1,4 +1,4 @@
-// What is known of the last minutes, as JSON for the page.
+// The data of the last minutes, as JSON for the page.
 #pragma once
 
 #include <string>
@@ -8,7 +8,7 @@
 
 namespace marble::server {
 
-/// Columns, oldest first; null where nothing was answered.
+/// Columns, oldest first; null where there was no result.
 [[nodiscard]] std::string history_json(const std::vector<ServerHistory::Point>& points);
 
 /// Of all clients, or of `only` this one.

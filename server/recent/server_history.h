@@ -1,4 +1,4 @@
-// What the server did in the last five minutes, in a ring: for a page that is opened now.
+// The server's activity in the last five minutes, in a ring, for a page that is opened now.
 #pragma once
 
 #include <array>
@@ -10,25 +10,25 @@
 
 namespace marble::server {
 
-/// Looks at the server twice a second, whether anybody watches or not. 40 KiB.
+/// Samples the server twice a second, with or without viewers. 40 KiB.
 class ServerHistory final : public Pulsed {
  public:
-  static constexpr std::size_t kMostPoints = 640;  // five minutes, and some
+  static constexpr std::size_t kMostPoints = 640;  // a little more than five minutes
   static constexpr std::chrono::milliseconds kEvery{500};
 
   struct Point {
     double time_s = 0.0;  ///< since the server started
     double queued = 0.0, running = 0.0;
-    double done = 0.0;                   ///< jobs and updates answered since the start
-    double busy_s = 0.0, cpu_s = 0.0;    ///< likewise
-    double median_s = 0.0, p99_s = 0.0;  ///< from acceptance to answer, of the last seconds; NaN: none
+    double done = 0.0;                   ///< jobs and updates with a result since the start
+    double busy_s = 0.0, cpu_s = 0.0;    ///< seconds since the start
+    double median_s = 0.0, p99_s = 0.0;  ///< time from acceptance to result, in the last seconds; NaN: none
   };
 
   explicit ServerHistory(std::function<Point()> look) : look_(std::move(look)) {}
 
   void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_) {
     if (now < next_) return;
-    next_ = (now - next_ < kEvery ? next_ : now) + kEvery;  // evenly, unless the pulse was held up
+    next_ = (now - next_ < kEvery ? next_ : now) + kEvery;  // at a fixed rate, unless the timer was delayed
     const Point point = look_();
     const MutexLock lock(mutex_);
     points_[static_cast<std::size_t>(count_++) % kMostPoints] = point;
@@ -47,7 +47,7 @@ class ServerHistory final : public Pulsed {
 
  private:
   const std::function<Point()> look_;
-  Clock::time_point next_ = {};  // the pulse's alone
+  Clock::time_point next_ = {};  // used by the timer only
   mutable Mutex mutex_;
   std::array<Point, kMostPoints> points_ ABSL_GUARDED_BY(mutex_) = {};
   std::int64_t count_ ABSL_GUARDED_BY(mutex_) = 0;

@@ -16,7 +16,7 @@ namespace marble::server {
 namespace {
 
 Clock::time_point deadline_of(const grpc::CallbackServerContext& context) {
-  // gRPC tells an absolute wall time; jobs are timed by the steady clock.
+  // gRPC gives an absolute wall time; jobs are timed by the steady clock.
   const auto left = context.deadline() - std::chrono::system_clock::now();
   if (left > std::chrono::hours(24 * 365)) return Clock::time_point::max();
   return Clock::now() + std::chrono::duration_cast<Clock::duration>(left);
@@ -27,7 +27,7 @@ Priority default_priority(JobKind kind) {
   return kind == JobKind::batch || kind == JobKind::array ? Priority::batch : Priority::interactive;
 }
 
-// The one asked for, but no higher than the quota allows.
+// Returns the requested priority, but none higher than the quota allows.
 Expected<Priority> priority_of(v1::Priority asked, JobKind kind, const Quota& quota) {
   if (asked == v1::PRIORITY_UNSPECIFIED) return std::max(default_priority(kind), quota.priority);
   if (asked < v1::PRIORITY_REALTIME || asked > v1::PRIORITY_BATCH) {
@@ -60,7 +60,7 @@ Expected<void> check_labels(const std::string& request_id, const std::string& pr
   return {};
 }
 
-// An array may have a name of its own.
+// An array may have its own name.
 template <class Message>
 const std::string& name_of(const Message& message) {
   if constexpr (requires { message.name(); }) {
@@ -69,13 +69,13 @@ const std::string& name_of(const Message& message) {
   return message.problem().name();
 }
 
-// What every request says, whatever it is made of.
+// The fields that every request has, of any kind.
 struct Common {
   Options options;
   Priority priority;
 };
 
-// Whether option explain has a meaning.
+// True if the option `explain` has a meaning for the request.
 template <class Message>
 bool is_of_one_problem(JobKind kind, const Message& message) {
   if constexpr (requires { message.has_coupled(); }) {
@@ -101,7 +101,7 @@ Expected<Common> check_common(const ServiceParts& parts, const Quota& quota, Job
       if (auto valid = validate_without_explain(*options); !valid)
         return unexpected(inside("options", valid.error()));
     }
-    options->explain = false;  // the server's default is for solves that may have it
+    options->explain = false;  // the server's default applies only to solves that support it
   }
   return Common{*std::move(options), *priority};
 }
@@ -170,7 +170,8 @@ Expected<CheckedRequest> check(const ServiceParts& parts, const Caller& caller, 
                         std::move(record)};
 }
 
-// Of one class are requests whose sizes have as many bits, with as many starts: they run for about as long.
+// Requests whose sizes have the same number of bits, with the same number of starts, form one class: they
+// run for about as long.
 int work_class_of(std::int64_t bytes, const Options& options) {
   const auto bits = [](std::int64_t number) {
     return static_cast<int>(std::bit_width(static_cast<std::uint64_t>(number)));
@@ -178,7 +179,7 @@ int work_class_of(std::int64_t bytes, const Options& options) {
   return 128 * bits(options.starts) + 2 * bits(bytes) + (options.global ? 1 : 0);
 }
 
-// Without its record and its work.
+// Makes the job without its record and its work.
 std::shared_ptr<Job> job_of(const Caller& caller, const Quota& quota, const v1::SolveRequest& message,
                             const Common& common) {
   auto job = std::make_shared<Job>();

@@ -1,4 +1,4 @@
-// From a request's message to a validated job.
+// Turns a request's message into a validated job.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -15,31 +15,32 @@
 
 namespace marble::server {
 
-/// Who calls, from where, and until when.
+/// Who calls, from where, and the deadline of the call.
 struct Caller {
   Identity identity;
   Origin origin;
   Clock::time_point deadline = Clock::time_point::max();
-  /// Of a job that was accepted before the server was started anew, or by another.
+  /// State of a job that was accepted before the server restarted, or by another server.
   struct Earlier {
     std::string id;
     std::chrono::system_clock::time_point accepted;
-    std::shared_ptr<JobRecord> record = nullptr;  ///< if it has one already
+    std::shared_ptr<JobRecord> record = nullptr;  ///< if the job has one already
   };
   std::optional<Earlier> earlier = {};
 };
 
-/// The origin then knows the client. Errors: unauthenticated, permission_denied without the role.
+/// Identifies the caller and records it in the origin. Errors: unauthenticated, permission_denied (the role
+/// is missing).
 [[nodiscard]] Expected<Caller> caller_of(const ServiceParts& parts,
                                          const grpc::CallbackServerContext& context, Origin& origin,
                                          Role role);
 
-/// Who calls, where any role will do. A refusal is logged.
+/// Identifies the caller of a method that any role may call. Logs a refusal.
 [[nodiscard]] Expected<Identity> identify(const ServiceParts& parts,
                                           const grpc::CallbackServerContext& context, Origin& origin);
 
-/// What a request to solve and a session's set-up say alike, checked, and the record of the job it becomes,
-/// which nobody sees yet. Borrows the message's arrays.
+/// The checked parts that a request to solve and a session's set-up have in common, and the record of the
+/// future job, which no one sees yet. Borrows the message's arrays.
 struct CheckedRequest {
   Problem problem;
   Options options;
@@ -51,37 +52,37 @@ struct CheckedRequest {
 };
 
 /// Error fields are paths from the message's root. Errors: invalid_argument, permission_denied (a priority
-/// above the quota's), resource_exhausted (too much is asked of the answer's derivatives).
+/// above the quota's), resource_exhausted (the request asks for too many derivatives of the solution).
 [[nodiscard]] Expected<CheckedRequest> check_request(const ServiceParts& parts, const Caller& caller,
                                                      const Quota& quota, JobKind kind,
                                                      const v1::SessionSetup& message);
 
-/// What all elements of an array share, checked.
+/// The checked parts that all elements of an array share.
 struct CheckedArray {
   Options options;
   Priority priority;
-  std::optional<PartSizes> base;  ///< of the base problem, if there is one
+  std::optional<PartSizes> base;  ///< sizes of the base problem, if there is one
   std::shared_ptr<JobRecord> record;
 };
 /// Error fields are paths from the message's root. Errors: as above.
 [[nodiscard]] Expected<CheckedArray> check_request(const ServiceParts& parts, const Caller& caller,
                                                    const Quota& quota, const v1::ArraySetup& message);
 
-/// Checks how often progress is to be told.
+/// Checks how often progress is to be reported.
 [[nodiscard]] Expected<void> check_progress(double interval_s, std::int32_t iterate_every);
 
-/// Checks everything about the request, which the job then keeps. Error fields are paths from the request's
-/// root. The job has no observer yet.
+/// Checks the whole request, which the job then keeps. Error fields are paths from the request's root. The
+/// job has no observer yet.
 [[nodiscard]] Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller& caller,
                                                       JobKind kind,
                                                       std::shared_ptr<const v1::SolveRequest> request);
 
 /// Counts and logs a request that does not become a job.
 void note_refusal(const ServiceParts& parts, const Origin& origin, const Error& error);
-/// The same, and what its caller is told.
+/// Does the same, and returns the status for the caller.
 [[nodiscard]] grpc::Status refused(const ServiceParts& parts, const Origin& origin, const Error& error);
 
-/// What the caller of a stream that ends early is told: when to come back, if it is the server that leaves.
+/// Returns the status of a stream that ends early, with the time to retry if the server is shutting down.
 [[nodiscard]] grpc::Status end_of_stream(const ServiceParts& parts, const Error& error);
 
 }  // namespace marble::server

@@ -1,4 +1,4 @@
-// marble.v1.Server: what this server is and does.
+// The service marble.v1.Server: information about this server.
 #pragma once
 
 #include "marble/v1/service.grpc.pb.h"
@@ -8,7 +8,7 @@ namespace marble::server {
 
 using InfoRawService = v1::Server::WithRawCallbackMethod_GetInfo<v1::Server::Service>;
 
-/// The method takes and gives bytes; see wire.h.
+/// The method reads and writes bytes; see wire.h.
 class InfoService final : public InfoRawService {
  public:
   explicit InfoService(const ServiceParts& parts) : parts_(parts) {}

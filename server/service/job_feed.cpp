@@ -11,7 +11,7 @@
 namespace marble::server {
 namespace {
 
-constexpr int kMostEvents = 256;  // in one message
+constexpr int kMostEvents = 256;  // limit on one message
 
 double seconds_since(Clock::time_point then, Clock::time_point now) {
   return std::chrono::duration<double>(now - then).count();
@@ -49,7 +49,7 @@ bool JobFeed::next(v1::WatchJobsResponse* response) {
 
 bool JobFeed::next_of_one(v1::WatchJobsResponse* response) {
   const Clock::time_point now = Clock::now();
-  const std::int64_t changes = one_->changes();  // before the rest: what comes later is told later
+  const std::int64_t changes = one_->changes();  // read first: later changes are reported next time
   const bool finished = one_->is_finished();
   const bool quiet = now - told_.at >= ProgressSlot::kQuiet && one_->is_running();
   if (changes == told_.changes && !finished && !quiet) return false;
@@ -74,8 +74,8 @@ bool JobFeed::next_of_one(v1::WatchJobsResponse* response) {
   return true;
 }
 
-// Which jobs have changed since they were told of. The finished ones are looked for first: whatever finishes
-// in between is told of next time, and none twice.
+// Finds the jobs that have changed since they were last reported. Reads the finished ones first: a job that
+// finishes in between is reported next time, and none is reported twice.
 void JobFeed::look_around() {
   const Clock::time_point now = Clock::now();
   JobBoard::Finished finished = board_.finished_since(finished_);
@@ -97,7 +97,7 @@ void JobFeed::look_around() {
   }
 }
 
-// Both lists are in the order of acceptance, and new jobs come last: what was told moves along in one pass.
+// Both lists are in order of acceptance, and new jobs come last, so one pass carries over what was reported.
 void JobFeed::renew_active() {
   JobBoard::Records active = board_.active();
   if (active == active_) return;
@@ -121,7 +121,7 @@ bool JobFeed::next_of_all(v1::WatchJobsResponse* response) {
     v1::JobEvent* event = response->add_events();
     to_message(*record, event->mutable_job());
     if (event->job().state() == v1::JOB_STATE_FINISHED && !news.last) {
-      response->mutable_events()->RemoveLast();  // it has just finished, and will be found among those
+      response->mutable_events()->RemoveLast();  // just finished: found among those next time
       continue;
     }
     if (event->job().state() == v1::JOB_STATE_RUNNING && event->job().iterations() > 0)

@@ -1,4 +1,5 @@
-// What has happened to one job or to all since somebody last asked: the source of Jobs.Watch and of the page.
+// Reports what has happened to one job or to all jobs since the last request: the source of Jobs.Watch and
+// of the page.
 #pragma once
 
 #include <deque>
@@ -13,18 +14,18 @@
 
 namespace marble::server {
 
-/// How many feeds there are, and may be.
+/// Counts the open feeds and limits their number.
 class FeedLimit : public ClientLimit {
  public:
   explicit FeedLimit(int most) : ClientLimit("watchers", most) {}
 };
 
-/// Looks at the jobs' records when it is asked: a slow reader costs nothing but what it misses. One thread
-/// at a time.
+/// Reads the jobs' records when it is asked, so a slow reader costs nothing and only misses events. Used by
+/// one thread at a time.
 class JobFeed {
  public:
-  /// For what the request names and the viewer may see, from now on. Errors: invalid_argument, not_found,
-  /// resource_exhausted (too many feeds, of all or of the viewer's).
+  /// Opens a feed of what the request names and the viewer may see, from now on. Errors: invalid_argument,
+  /// not_found, resource_exhausted (too many feeds, in total or of the viewer).
   [[nodiscard]] static Expected<std::unique_ptr<JobFeed>> open(const JobBoard& board, FeedLimit& limit,
                                                                const Identity& viewer, const Quota& quota,
                                                                const v1::WatchJobsRequest& request);
@@ -32,11 +33,11 @@ class JobFeed {
   JobFeed(const JobFeed&) = delete;
   JobFeed& operator=(const JobFeed&) = delete;
 
-  /// False if there is nothing to tell.
+  /// False if there is nothing to report.
   [[nodiscard]] bool next(v1::WatchJobsResponse* response);
-  /// More is to tell at once.
+  /// True if more can be reported at once.
   [[nodiscard]] bool has_more() const { return !to_tell_.empty(); }
-  /// The one job has finished, and all was told.
+  /// True if the one job has finished and everything has been reported.
   [[nodiscard]] bool is_over() const { return over_; }
 
  private:
@@ -47,7 +48,7 @@ class JobFeed {
   void look_around();
   void renew_active();
 
-  // Of a job: what was told of it, and when.
+  // What was reported of a job, and when.
   struct Told {
     std::int64_t changes = -1, version = -1;
     Clock::time_point at = {};
@@ -57,17 +58,17 @@ class JobFeed {
   FeedLimit& limit_;
   const Identity viewer_;
   const double interval_s_;
-  std::shared_ptr<JobRecord> one_;  // null: all
-  Told told_;                       // of one
+  std::shared_ptr<JobRecord> one_;  // null: all jobs
+  Told told_;                       // state of the one job
   std::int64_t cursor_ = 0;
-  JobBoard::Records active_;   // those that were active at the last look
-  std::vector<Told> told_of_;  // of each of them
+  JobBoard::Records active_;   // the jobs that were active at the last refresh
+  std::vector<Told> told_of_;  // state of each of them
   struct News {
     std::shared_ptr<JobRecord> record;
-    bool last = false;  // it was found among the finished ones
+    bool last = false;  // the job was found among the finished ones
   };
   std::deque<News> to_tell_;
-  std::int64_t finished_ = 0;  // cursor of the board
+  std::int64_t finished_ = 0;  // cursor into the board
   std::int64_t skipped_ = 0;
   bool over_ = false;
 };

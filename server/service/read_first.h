@@ -1,6 +1,6 @@
-// Methods with one message from their client, which is read only once it is known who calls. gRPC reads the
-// message of such a method before it shows the call: whoever is nobody could make it hold any number of large
-// ones. So they are served as streams, which are the same on the wire.
+// Methods with one message from the client, which is read only once the caller is identified. gRPC reads the
+// message of a unary method before it shows the call, so unauthenticated clients could make it hold any
+// number of large messages. These methods are therefore served as streams, which look the same on the wire.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -19,16 +19,16 @@
 
 namespace marble::server {
 
-/// What is done with a request before its method is begun, whoever calls then.
+/// What is done with a request before its method begins, for any caller.
 using ReadFirstLook = void (*)(const ServiceParts& parts, const grpc::ByteBuffer& request, Settled then);
 
-/// gRPC's side of a call is a stream; `Inner`, a reactor of a method with one message, is begun with that
-/// message, or with none if the caller is not known: it refuses such a caller first thing. Owns itself.
+/// gRPC sees a stream; `Inner`, a reactor of a method with one message, starts with that message, or with
+/// none if the caller is unknown: it refuses such a caller before anything else. Owns itself.
 template <class Inner, class InnerCall>
 class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
                         private LiveCalls::Unread {
  public:
-  /// `method` is called with the context, the request and the response, of which it uses what it knows.
+  /// Calls `method` with the context, the request and the response; the method uses those it needs.
   template <class Method>
   static grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* begin(
       const ServiceParts& parts, grpc::CallbackServerContext* context, const Method& method,
@@ -37,7 +37,7 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
     call->method_ = [method, context, call] { return method(context, &call->request_, &call->response_); };
     if (parts.access.is_known(*context)) {
       parts.connections.known(context->peer());
-      call->StartRead(&call->request_);  // before it may be refused: afterwards gRPC may be done with it
+      call->StartRead(&call->request_);  // before a refusal, after which gRPC may free the call
       if (!parts.calls.may_wait(*call)) call->refuse();
     } else {
       const grpc::Slice nothing;
@@ -66,7 +66,7 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
       : token_(parts.calls), parts_(parts), context_(context), look_(look), call_(*this) {}
 
   void refuse() override { this->Finish(refused(parts_, origin_of(context_), draining())); }
-  // On a thread that gRPC knows nothing of: it may be done with the call before this returns.
+  // Runs on a thread that gRPC does not know: gRPC may free the call before this returns.
   void begin_if(const Expected<void>& looked) {
     if (looked) {
       begin_inner();
@@ -80,7 +80,7 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
     call_.bind(inner_);
     cancel_when_both();
   }
-  // Begun, and given up by its client, in whichever order.
+  // Cancels once the call has begun and its client has cancelled it, in either order.
   void cancel_when_both() {
     if (--until_cancel_ == 0) inner_->OnCancel();
   }
@@ -103,7 +103,7 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
   grpc::ByteBuffer request_, response_;
 };
 
-/// What a unary method's reactor takes for gRPC's call.
+/// Passed to the reactor of a unary method in place of gRPC's call.
 class UnaryReadFirst final : public grpc::ServerCallbackUnary {
  public:
   using Outer = ReadFirst<grpc::ServerUnaryReactor, UnaryReadFirst>;
@@ -121,7 +121,7 @@ class UnaryReadFirst final : public grpc::ServerCallbackUnary {
   Outer& outer_;
 };
 
-/// What the reactor of a method with a stream of answers takes for gRPC's call.
+/// Passed to the reactor of a server-streaming method in place of gRPC's call.
 class StreamReadFirst final : public grpc::ServerCallbackWriter<grpc::ByteBuffer> {
  public:
   using Inner = grpc::ServerWriteReactor<grpc::ByteBuffer>;
@@ -164,7 +164,7 @@ template <class Method>
       });
 }
 
-/// The number of a method of marble.v1, as MarkMethodStreamed() wants it.
+/// Returns the index of a method of marble.v1, as MarkMethodStreamed() expects it.
 [[nodiscard]] int method_number(const char* service, const char* method);
 
 }  // namespace marble::server

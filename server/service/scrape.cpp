@@ -17,16 +17,16 @@ namespace {
 
 using Families = std::vector<prometheus::MetricFamily>;
 
-// Families of what is read at a scrape.
+// Writes the families whose values are read at a scrape.
 class Reading {
  public:
   explicit Reading(Families families) : families_(std::move(families)) {}
 
   void one(Metric metric, double value) { add(family(metric), "", value); }
   void one(Metric metric, const std::string& label, double value) { add(family(metric), label, value); }
-  /// Without a sample.
+  /// Writes the family without a sample.
   void none(Metric metric) { family(metric); }
-  /// A sample for each of the label's values.
+  /// Writes one sample for each value of the label.
   template <class Values, class Name>
   void each(Metric metric, const Values& values, const Name& name) {
     prometheus::MetricFamily& all = family(metric);
@@ -49,7 +49,7 @@ class Reading {
   }
 
   Families families_;
-  std::string label_;  // of the newest family; what is read has one at most
+  std::string label_;  // label of the newest family, which has at most one
 };
 
 const char* priority_name(std::size_t at) { return kPriorityNames[at]; }

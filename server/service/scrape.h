@@ -1,4 +1,4 @@
-// All metrics as Prometheus reads them.
+// Writes all metrics in the format of Prometheus.
 #pragma once
 
 #include <string>
@@ -7,7 +7,8 @@ namespace marble::server {
 
 struct ServiceParts;
 
-/// Text format 0.0.4. What is kept elsewhere is read now: the numbers are those of Server.GetInfo.
+/// Text format 0.0.4. Values that are kept elsewhere are read now, so the numbers equal those of
+/// Server.GetInfo.
 [[nodiscard]] std::string scrape(const ServiceParts& parts);
 
 inline const std::string kMetricsContentType = "text/plain; version=0.0.4; charset=utf-8";

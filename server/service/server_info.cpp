@@ -11,8 +11,8 @@
 namespace marble::server {
 namespace {
 
-/// Settings whose names the message has; tests/proto compares the names. A template, so that others are left
-/// out.
+/// Copies the settings that the message has; tests/proto compares the names. A template, so that all other
+/// settings are skipped.
 template <class Limits>
 void to_message(const Config& config, Limits* limits) {
 #define MARBLE_SETTING(type, name, ...) \
@@ -23,7 +23,7 @@ void to_message(const Config& config, Limits* limits) {
 #undef MARBLE_TEXT_SETTING
 }
 
-/// Where the quota sets no limit, the server's is the client's.
+/// Where the quota sets no limit, the server's limit applies to the client.
 void to_message(const Quota& quota, const Config& config, int workers, v1::Quota* message) {
   message->set_running(std::min(quota.running, workers));
   message->set_queued(std::min(quota.queued, config.queue_jobs));

@@ -1,4 +1,4 @@
-// What the server tells of itself, whatever way the question came.
+// The server's information about itself, for gRPC and for HTTP.
 #pragma once
 
 #include "base/identity.h"

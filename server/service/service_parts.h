@@ -1,4 +1,4 @@
-// What the calls of all services work with.
+// The objects that the calls of all services use.
 #pragma once
 
 #include <memory>
@@ -33,8 +33,8 @@ struct ServiceParts {
   SessionTable& sessions;
   ConnectionTable& connections;
   LiveCalls& calls;
-  Submissions* submissions = nullptr;  ///< set before anybody calls
-  /// Of those that are made or sent.
+  Submissions* submissions = nullptr;  ///< set before the first call
+  /// Limits the bundles that are being made or sent.
   std::shared_ptr<ClientLimit> bundles = std::make_shared<ClientLimit>("bundles", config.bundles);
   Clock::time_point started = Clock::now();
 };

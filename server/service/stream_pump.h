@@ -1,4 +1,4 @@
-// What every call with a stream does with gRPC: one read and one write in flight, and an end after both.
+// Drives gRPC for every streaming call: one read and one write in progress, and the end after both.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -15,9 +15,9 @@
 
 namespace marble::server {
 
-/// `Reactor` is gRPC's, of bytes, with reads or without. `Event` is what is written: a message, or bytes that
-/// were made of one. A `Call` owns itself until gRPC is done with it; whoever works for it may own it too.
-/// It says what is due (the hooks), and calls go_on() whenever that may have changed.
+/// `Reactor` is gRPC's reactor of bytes, with or without reads. `Event` is what is written: a message, or
+/// bytes made from one. A `Call` owns itself until gRPC is done with it; others that work for it may own it
+/// too. It states what is due in the hooks, and calls go_on() whenever that may have changed.
 template <class Call, class Reactor, class Event>
 class StreamPump : public Reactor {
  public:
@@ -45,49 +45,49 @@ class StreamPump : public Reactor {
   }
 
  protected:
-  // Hooks. The lock is held while the pump asks.
+  // Hooks that are called with the lock held.
 
-  /// Whether there is room for one more message.
+  /// True if one more message may be read.
   [[nodiscard]] virtual bool may_read() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return false; }
-  /// The next to be written, if there is one. Not asked when nobody reads any more.
+  /// Takes the next event to write, if there is one. Not called once the client no longer reads.
   [[nodiscard]] virtual bool next_event(Event* event) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
-  /// How the call ends, if it does; asked when nothing is left to be written.
+  /// Returns the call's status if it ends; called when nothing is left to write.
   [[nodiscard]] virtual std::optional<grpc::Status> ending() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
-  /// A write has ended. False: there is nothing new to look for yet.
+  /// Called when a write has ended. False: there is nothing new to check yet.
   [[nodiscard]] virtual bool wrote() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return true; }
 
-  // Hooks without the lock.
+  // Hooks that are called without the lock.
 
-  /// A message, one at a time; null: the client has closed its side, or is gone.
+  /// Receives the messages, one at a time; null: the client has closed its side, or has disconnected.
   virtual void received(grpc::ByteBuffer* /*message*/) ABSL_LOCKS_EXCLUDED(mutex_) {}
-  /// One thing of the call's own that is due besides reads and writes. Whether there may be more.
+  /// Does one task of the call that is due besides reads and writes. Returns whether there may be more.
   virtual bool work() ABSL_LOCKS_EXCLUDED(mutex_) { return false; }
-  /// The client is gone.
+  /// The client has disconnected.
   virtual void gone() ABSL_LOCKS_EXCLUDED(mutex_) {}
   /// gRPC is done with the call.
   virtual void done() ABSL_LOCKS_EXCLUDED(mutex_) {}
 
-  /// Everything that is due.
+  /// Does everything that is due.
   void go_on() ABSL_LOCKS_EXCLUDED(mutex_) {
     do {
       while (work()) {
       }
     } while (step());
   }
-  /// Ends a call that was never begun: nothing else happens to it.
+  /// Ends a call that was never begun; nothing else happens to it.
   void end_at_once(const grpc::Status& status) ABSL_LOCKS_EXCLUDED(mutex_) {
     {
       const MutexLock lock(mutex_);
-      finishing_ = true;  // a client that goes away before it has heard must not end it again
+      finishing_ = true;  // a client that disconnects now must not end the call again
     }
     this->Finish(status);
   }
-  /// Cancels a call whose client takes nothing; it may have ended meanwhile.
+  /// Cancels a call whose client reads nothing; the call may have ended meanwhile.
   void cut(grpc::CallbackServerContext& context) ABSL_LOCKS_EXCLUDED(mutex_) {
     {
       const MutexLock lock(mutex_);
       if (finishing_) return;
-      ++starting_;  // the context is there until the call ends
+      ++starting_;  // the context exists until the call ends
     }
     context.TryCancel();
     const MutexLock lock(mutex_);
@@ -106,9 +106,9 @@ class StreamPump : public Reactor {
   }
 
   [[nodiscard]] bool read_all() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return read_all_; }
-  /// Nobody reads any more.
+  /// True if the client no longer reads.
   [[nodiscard]] bool broken() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return broken_; }
-  /// A write is in flight.
+  /// True if a write is in progress.
   [[nodiscard]] bool writing() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return writing_; }
   [[nodiscard]] bool finishing() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return finishing_; }
 
@@ -120,7 +120,8 @@ class StreamPump : public Reactor {
     reactor.StartRead(bytes);
   };
 
-  // gRPC may react within StartRead, StartWrite or Finish, on this very thread: no lock is held there.
+  // gRPC may react within StartRead, StartWrite or Finish, on this very thread, so no lock is held during
+  // these calls.
   [[nodiscard]] bool step() ABSL_LOCKS_EXCLUDED(mutex_) {
     Event event;
     bool read = false;
@@ -162,18 +163,18 @@ class StreamPump : public Reactor {
       bytes = serialize(event);
     }
     {
-      const MutexLock lock(mutex_);  // the next write comes from any thread
+      const MutexLock lock(mutex_);  // the next write may come from any thread
       outgoing_.Swap(&bytes);
     }
     this->StartWrite(&outgoing_);
   }
 
-  grpc::ByteBuffer incoming_;  // the read in flight
-  grpc::ByteBuffer outgoing_;  // the write in flight
+  grpc::ByteBuffer incoming_;  // the read in progress
+  grpc::ByteBuffer outgoing_;  // the write in progress
   bool reading_ ABSL_GUARDED_BY(mutex_) = false;
-  // Reads, or an end, that gRPC is about to be asked for. A thread of ours may do so while gRPC's tells that
-  // the client is gone. Finishing waits until it has: afterwards gRPC may be done with the call, and asking
-  // would use memory it has freed.
+  // Number of reads, or ends, that are about to be requested from gRPC. One of our threads may do so while a
+  // gRPC thread reports that the client has disconnected. Finishing waits for them: after it, gRPC may free
+  // the call, and the request would use freed memory.
   int starting_ ABSL_GUARDED_BY(mutex_) = 0;
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;
   bool read_all_ ABSL_GUARDED_BY(mutex_) = false;  // the client has closed its side

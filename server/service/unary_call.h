@@ -1,4 +1,4 @@
-// Quick unary calls: who asks, parse, ask, answer, all on gRPC's thread.
+// Quick unary calls: identify the caller, parse, handle and reply, all on gRPC's thread.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -15,12 +15,12 @@
 
 namespace marble::server {
 
-/// The caller of what every role may call.
+/// Identifies the caller of a method that every role may call.
 [[nodiscard]] inline auto of_any_role(const ServiceParts& parts, const grpc::CallbackServerContext& context) {
   return [&](Origin& origin) { return identify(parts, context, origin); };
 }
 
-/// One of them; owns itself until gRPC is done with it.
+/// The reactor of such a call; owns itself until gRPC is done with it.
 class QuickCall final : public grpc::ServerUnaryReactor {
  public:
   explicit QuickCall(LiveCalls& calls) : token_(calls) {}
@@ -30,9 +30,10 @@ class QuickCall final : public grpc::ServerUnaryReactor {
   const LiveCalls::Token token_;
 };
 
-/// `who` tells the caller, whom the origin then knows, or why it is refused: before a byte of the request is
-/// looked at. `handle` takes the caller and the request and fills the response, or says why not; it may
-/// return what the answer then waits for (Expected<Afterwards>; an empty one is nothing).
+/// `who` identifies the caller, and records it in the origin, or returns why it is refused, before any byte
+/// of the request is read. `handle` takes the caller and the request and fills the response, or returns an
+/// error; it may also return what the response then waits for (Expected<Afterwards>; an empty one means
+/// nothing).
 template <class Request, class Response, class Who, class Handle>
 grpc::ServerUnaryReactor* answer(const ServiceParts& parts, grpc::CallbackServerContext* context,
                                  const grpc::ByteBuffer* request_bytes, grpc::ByteBuffer* response_bytes,

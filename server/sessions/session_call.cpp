@@ -13,10 +13,10 @@
 namespace marble::server {
 namespace {
 
-// Whole updates that a session has room for besides its solver: one that waits, or what is left behind for
-// it, and one that was not parsed yet. Others take theirs from the queue's bytes.
+// Number of whole updates that a session has memory for besides its solver: one that waits, or the changes
+// left for the next, and one that is not parsed yet. Others take memory from the queue's bytes.
 constexpr std::int64_t kUpdates = 2;
-constexpr int kUnreadAnswers = 2;  // nothing more is solved for a client that does not read
+constexpr int kUnreadAnswers = 2;  // no more is solved for a client that does not read
 
 }  // namespace
 
@@ -49,7 +49,7 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
 void SessionCall::received(grpc::ByteBuffer* message) {
   const MutexLock lock(mutex_);
   last_activity_ = Clock::now();
-  if (message == nullptr || end_ || broken() || place_ == nullptr) return;  // of no interest
+  if (message == nullptr || end_ || broken() || place_ == nullptr) return;  // ignored
   unread_.emplace();
   unread_->Swap(message);
 }
@@ -60,8 +60,8 @@ bool SessionCall::may_read() const {
   return !parsing_ && !unread_ && !end_ && waiting + events_.size() < room;
 }
 
-// A message is parsed when there is room for what it becomes: in the session, for one that waits, else among
-// the queue's bytes. It is tried again whenever an update has left.
+// A message is parsed when there is memory for the result: in the session, for one that waits, else among
+// the queue's bytes. Tried again whenever an update has left.
 bool SessionCall::take_unread(grpc::ByteBuffer* bytes, std::unique_ptr<Scheduler::Held>* room) {
   if (!unread_ || parsing_) return false;
   if (waiting_ && !waiting_->has_room()) {
@@ -75,7 +75,7 @@ bool SessionCall::take_unread(grpc::ByteBuffer* bytes, std::unique_ptr<Scheduler
   return true;
 }
 
-// One message at a time, by whichever thread found that there was room.
+// One message at a time, by the thread that found that there was memory.
 void SessionCall::take_message(grpc::ByteBuffer& bytes, std::unique_ptr<Scheduler::Held> room) {
   v1::SessionRequest request;
   const auto parsed = record_ == nullptr
@@ -96,7 +96,7 @@ void SessionCall::take_message(grpc::ByteBuffer& bytes, std::unique_ptr<Schedule
   if (!parsed) {
     end(parsed.error());
   } else if (end_ || broken() || place_ == nullptr) {
-    // Over meanwhile.
+    // The session has ended meanwhile.
   } else if (request.has_update() && record_ == nullptr) {
     end(failure(ErrorCode::failed_precondition, "update", "comes before the set-up"));
   } else if (request.has_update()) {
@@ -125,7 +125,7 @@ Expected<void> SessionCall::take_setup(const std::shared_ptr<const v1::SessionSe
   std::shared_ptr<Job> job;
   {
     const MutexLock lock(mutex_);
-    if (end_ || place_ == nullptr) return {};  // the client has gone meanwhile
+    if (end_ || place_ == nullptr) return {};  // the client has disconnected meanwhile
     priority_ = setup->priority;
     tell_progress_ = message->progress();
     progress_interval_s_ = message->progress_interval_s();
@@ -374,7 +374,7 @@ void SessionCall::pulse(Clock::time_point now) {
     const bool quiet = job_ == nullptr && !parsing_ && (!waiting_ || waiting_->empty());
     const auto idle = std::chrono::duration<double>(now - last_activity_).count();
     if (parts_.scheduler.is_closed()) {
-      if (!quiet) return;  // what was accepted is answered
+      if (!quiet) return;  // accepted updates still get their results
       end(draining("set the session up elsewhere"));
     } else if ((quiet || stalled) && idle > parts_.config.session_idle_s) {
       end(failure(ErrorCode::aborted, "session_idle_s",
@@ -387,7 +387,7 @@ void SessionCall::pulse(Clock::time_point now) {
   go_on();
 }
 
-// Gives everything back as soon as the session is over, whoever still reads its last answers.
+// Releases everything as soon as the session is over, even if its client still reads its last results.
 void SessionCall::release() {
   if (place_ == nullptr || job_ != nullptr) return;
   place_ = nullptr;
@@ -408,7 +408,8 @@ std::optional<grpc::Status> SessionCall::ending() {
   return end_ ? end_of_stream(parts_, *end_) : grpc::Status::OK;
 }
 
-// The next message, else the next job, which may be answered within admit(): no lock is held there.
+// Handles the next message, or else starts the next job, which may finish within admit(): no lock is held
+// during it.
 bool SessionCall::work() {
   grpc::ByteBuffer message;
   std::unique_ptr<Scheduler::Held> room;

@@ -1,4 +1,4 @@
-// One session on its stream: reads updates, has them solved one after the other, writes what came of them.
+// A session on its stream: reads updates, has them solved one after the other, and writes their results.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -16,8 +16,8 @@
 
 namespace marble::server {
 
-/// Owns itself until gRPC is done with it; its jobs own it too, until they have finished. It holds no worker
-/// and no job while there is nothing to solve.
+/// Owns itself until gRPC is done with it; its jobs own it too, until they have finished. It occupies no
+/// worker and no job while there is nothing to solve.
 class SessionCall final
     : public StreamPump<SessionCall, grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
                         v1::SessionResponse>,
@@ -30,7 +30,7 @@ class SessionCall final
   void OnReadDone(bool ok) override { read_done(ok); }
   // From the worker.
   void report(const Progress& progress) override ABSL_LOCKS_EXCLUDED(mutex_);
-  // From the pulse: idle time, drain.
+  // From the timer: idle time, drain.
   void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
@@ -47,7 +47,7 @@ class SessionCall final
   void set_up_done(Outcome outcome) ABSL_LOCKS_EXCLUDED(mutex_);
   void update_done(const std::shared_ptr<Update>& update, Outcome outcome) ABSL_LOCKS_EXCLUDED(mutex_);
 
-  // The pump's.
+  // From the pump.
   [[nodiscard]] bool may_read() const override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] bool next_event(v1::SessionResponse* event) override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] std::optional<grpc::Status> ending() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -74,7 +74,7 @@ class SessionCall final
   Caller caller_;
   Quota quota_;
   ProgressSlot slot_;
-  double last_progress_s_ = -1.0;  // worker only
+  double last_progress_s_ = -1.0;  // used by the worker only
   // Constant once set up.
   Priority priority_ = Priority::realtime;
   bool tell_progress_ = false;
@@ -83,23 +83,23 @@ class SessionCall final
   std::int64_t epoch_ = 0;
   std::shared_ptr<JobRecord> record_;
   PartSizes sizes_;
-  std::optional<WarmSolver> solver_;  // used by the job in flight
+  std::optional<WarmSolver> solver_;  // used by the job in progress
 
   std::unique_ptr<SessionTable::Place> place_ ABSL_GUARDED_BY(mutex_);
-  Options options_ ABSL_GUARDED_BY(mutex_);                         // of the newest update
-  std::optional<grpc::ByteBuffer> unread_ ABSL_GUARDED_BY(mutex_);  // a message that was not parsed yet
-  std::optional<WaitingUpdates> waiting_ ABSL_GUARDED_BY(mutex_);   // once there is a set-up
-  std::shared_ptr<Job> job_ ABSL_GUARDED_BY(mutex_);                // in flight
-  std::int64_t solving_ ABSL_GUARDED_BY(mutex_) = 0;                // its sequence number
+  Options options_ ABSL_GUARDED_BY(mutex_);                         // options of the newest update
+  std::optional<grpc::ByteBuffer> unread_ ABSL_GUARDED_BY(mutex_);  // a message that is not parsed yet
+  std::optional<WaitingUpdates> waiting_ ABSL_GUARDED_BY(mutex_);   // exists once there is a set-up
+  std::shared_ptr<Job> job_ ABSL_GUARDED_BY(mutex_);                // job in progress
+  std::int64_t solving_ ABSL_GUARDED_BY(mutex_) = 0;                // sequence number of that update
   std::int64_t newest_sequence_ ABSL_GUARDED_BY(mutex_) = 0;
   bool any_update_ ABSL_GUARDED_BY(mutex_) = false;
-  std::deque<v1::SessionResponse> events_ ABSL_GUARDED_BY(mutex_);  // to be told
-  int answers_ ABSL_GUARDED_BY(mutex_) = 0;                         // among these
-  std::int64_t restarts_ ABSL_GUARDED_BY(mutex_) = 0;               // that were told
+  std::deque<v1::SessionResponse> events_ ABSL_GUARDED_BY(mutex_);  // not sent yet
+  int answers_ ABSL_GUARDED_BY(mutex_) = 0;                         // number of results among them
+  std::int64_t restarts_ ABSL_GUARDED_BY(mutex_) = 0;               // restarts that were reported
   Clock::time_point last_activity_ ABSL_GUARDED_BY(mutex_) = Clock::now();
   bool set_up_ ABSL_GUARDED_BY(mutex_) = false;
   bool parsing_ ABSL_GUARDED_BY(mutex_) = false;
-  std::optional<Error> end_ ABSL_GUARDED_BY(mutex_);  // why it ends, unless the client closed it
+  std::optional<Error> end_ ABSL_GUARDED_BY(mutex_);  // why the session ends, unless the client closed it
 };
 
 class SessionCall::SetupObserver final : public JobObserver {

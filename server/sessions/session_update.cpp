@@ -9,13 +9,13 @@
 namespace marble::server {
 namespace {
 
-constexpr std::int64_t kRest = 4096;     // bytes of options and all else that is no array
-constexpr std::size_t kBlockBytes = 20;  // at most, of a message
+constexpr std::int64_t kRest = 4096;     // bytes of options and everything else that is no array
+constexpr std::size_t kBlockBytes = 20;  // maximum, in a message
 constexpr double kForEver = 1e9;         // seconds
-// Of an update's deadline, for its answer to arrive: a tenth, but no more than a busy machine needs.
+// Part of an update's deadline for its result to arrive: a tenth, but no more than a busy machine needs.
 constexpr double kForAnswer = 0.1;
 constexpr double kForAnswerS = 0.004;
-constexpr std::size_t kBlockFields = 4;  // with itself
+constexpr std::size_t kBlockFields = 4;  // including the block itself
 
 using Blocks = google::protobuf::RepeatedPtrField<v1::ShiftBlock>;
 
@@ -31,7 +31,7 @@ std::vector<ShiftBlock> blocks_of(const Blocks& messages) {
   return blocks;
 }
 
-// For each of which a shift may have a block.
+// Number of entries for which a shift may have a block.
 std::size_t entries_of(const PartSizes& sizes) { return sizes.g + sizes.b + sizes.d + sizes.l; }
 
 void take_shift(std::vector<ShiftBlock> older, std::vector<ShiftBlock>& newer, std::size_t size) {
@@ -42,7 +42,7 @@ void take_shift(std::vector<ShiftBlock> older, std::vector<ShiftBlock>& newer, s
 }  // namespace
 
 std::int64_t most_update_bytes(const PartSizes& sizes) {
-  std::size_t numbers = sizes.g;  // of a point to start from
+  std::size_t numbers = sizes.g;  // for the starting point
 #define MARBLE_VECTOR(letter, field) numbers += sizes.letter;
 #define MARBLE_MATRIX(letter, field, update, vector) numbers += sizes.letter;
 #include "marble/contract.def"

@@ -25,7 +25,7 @@ std::shared_ptr<Update> WaitingUpdates::pop() {
 }
 
 void WaitingUpdates::leave_behind(Update update) {
-  update.forget_sensitivity();  // of an answer that there will never be
+  update.forget_sensitivity();  // of a result that will never exist
   if (!updates_.empty()) return updates_.front().update->take_along(std::move(update));
   left_behind_ = std::move(update);
 }

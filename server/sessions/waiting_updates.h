@@ -1,4 +1,4 @@
-// Updates of one session that are not solved yet, in their order, and what those leave behind that never are.
+// Updates of a session that are not solved yet, in order, and the changes of those that never will be.
 #pragma once
 
 #include <deque>
@@ -10,24 +10,24 @@
 
 namespace marble::server {
 
-/// One thread at a time.
+/// Used by one thread at a time.
 class WaitingUpdates {
  public:
-  /// With `latest_only` at most one waits.
+  /// With `latest_only`, at most one waits.
   explicit WaitingUpdates(bool latest_only) : latest_only_(latest_only) {}
 
   [[nodiscard]] bool empty() const { return updates_.empty(); }
   [[nodiscard]] std::size_t size() const { return updates_.size(); }
-  /// Whether one more takes no room but the session's own, which has some for one that waits.
+  /// True if one more needs only the session's own memory, which suffices for one waiting update.
   [[nodiscard]] bool has_room() const { return latest_only_ || updates_.empty(); }
 
-  /// The last in line, with the room it was given elsewhere, if any. A first part that still waits becomes
-  /// one with it. The number of the one that it supersedes.
+  /// Appends an update, with the memory reserved for it elsewhere, if any. A waiting preparation is merged
+  /// into it. Returns the number of the update that it supersedes.
   [[nodiscard]] std::optional<std::int64_t> push(std::shared_ptr<Update> update,
                                                  std::unique_ptr<Scheduler::Held> room);
-  /// The first in line, whose room is given back. There must be one.
+  /// Removes the first update and releases its memory. There must be one.
   [[nodiscard]] std::shared_ptr<Update> pop();
-  /// The next one takes along what this one, which never ran, would have changed.
+  /// Merges the changes of this update, which never ran, into the next one.
   void leave_behind(Update update);
   void clear();
 
@@ -38,7 +38,7 @@ class WaitingUpdates {
   };
   const bool latest_only_;
   std::deque<Waiting> updates_;
-  std::optional<Update> left_behind_;  // while none waits
+  std::optional<Update> left_behind_;  // set while no update waits
 };
 
 }  // namespace marble::server

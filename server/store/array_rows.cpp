@@ -14,7 +14,7 @@ Expected<void> run(Database& database, std::string_view sql, const Bind& bind) {
   return statement->run();
 }
 
-// Tells each row.
+// Calls `tell` for each row.
 template <class Bind, class Tell>
 Expected<void> read(Database& database, std::string_view sql, const Bind& bind, const Tell& tell) {
   auto rows = database.prepare(sql);
@@ -33,7 +33,7 @@ ElementEnd end_of(std::int64_t number) {
 
 }  // namespace
 
-// `place` is the element's number. `sequence` is the order of the answers; null while there is none.
+// `place` is the element's number. `sequence` is the order of the results; null while there is none.
 const char* const kArrayTables = R"(
 ALTER TABLE jobs ADD COLUMN elements INTEGER;
 CREATE TABLE elements (
@@ -77,11 +77,11 @@ Expected<void> seal_array(Database& database, const std::string& id, std::int64_
   const auto changed = database.ask("SELECT changes()");
   if (!changed) return unexpected(changed.error());
   if (*changed == "1") return {};
-  // Of this array alone: what comes with it is written.
+  // An error of this array alone: the transaction's other changes are written.
   return unexpected(failure(ErrorCode::resource_exhausted, "not all elements could be written"));
 }
 
-// Of an array that was forgotten meanwhile nothing is kept. An element whose row was lost has one again.
+// Nothing is kept for an array that was dropped meanwhile. An element whose row was lost gets a row again.
 Expected<void> answer_element(Database& database, const ElementAnswer& answer) {
   return run(database,
              "INSERT INTO elements (job, place, sequence, ended, iterations, factorizations, answer)"

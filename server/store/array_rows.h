@@ -1,4 +1,4 @@
-// Arrays in the file of jobs: their tables, and what is written and read there.
+// Arrays in the file of jobs: their tables, and reading and writing them.
 #pragma once
 
 #include <functional>
@@ -9,27 +9,27 @@
 
 namespace marble::server {
 
-/// Makes the tables of arrays beside those of jobs, in SQL.
+/// SQL that makes the tables of arrays beside those of jobs.
 extern const char* const kArrayTables;
 
-/// What is known of an element without its request and answer.
+/// An element without its request and result.
 struct ElementRow {
   std::int64_t index = 0;
-  std::int64_t lost = 0;           ///< starts whose server stopped meanwhile
-  std::int64_t request_bytes = 0;  ///< of one without an answer
-  std::int64_t sequence = 0;       ///< of its answer; 0 while there is none
+  std::int64_t lost = 0;           ///< starts during which the server died
+  std::int64_t request_bytes = 0;  ///< size of the request of an element without a result
+  std::int64_t sequence = 0;       ///< sequence of its result; 0 while there is none
   std::int64_t answer_bytes = 0;
   ElementEnd end = ElementEnd::unsolved;
   std::int64_t iterations = 0, factorizations = 0;
 };
-/// The element in a row of each_element(); a column may be of any type.
+/// Returns the element in a row of each_element(); a column may be of any type.
 [[nodiscard]] ElementRow element_in(const Statement& row);
 
 [[nodiscard]] Expected<void> add_element(Database& database, const StoredElement& element);
 [[nodiscard]] Expected<void> seal_array(Database& database, const std::string& id, std::int64_t elements,
                                         const std::string& digest);
 [[nodiscard]] Expected<void> answer_element(Database& database, const ElementAnswer& answer);
-/// An element has so many starts whose server stopped meanwhile.
+/// Sets the number of starts of an element during which the server died.
 [[nodiscard]] Expected<void> count_element_starts(Database& database, const JobStart& start);
 
 [[nodiscard]] Expected<std::string> read_element(Database& database, const std::string& array,

@@ -1,5 +1,5 @@
-// A thread that writes what a store is asked for. What has come while it wrote the last time goes together
-// into one transaction, so that many changes share one wait for the disk (group commit).
+// A thread that writes the changes of a store. Changes that arrive during one write go together into the
+// next transaction, so that many changes share one wait for the disk (group commit).
 #pragma once
 
 #include <algorithm>
@@ -17,29 +17,28 @@
 
 namespace marble::server {
 
-/// Told once a change is on disk, or why it is not. On the writer's thread, without a lock.
+/// Called once a change is on disk, or with the error. On the writer's thread, without a lock.
 using Settled = std::function<void(const Expected<void>&)>;
 
-/// How a store does.
+/// State of a store.
 struct StoreUsage {
-  bool written = true;  ///< what was tried last
-  /// Transactions, what was asked for in them, and seconds they took; of those that were made.
+  bool written = true;  ///< whether the last attempt succeeded
+  /// Transactions, changes in them, and seconds they took; successful ones only.
   std::int64_t commits = 0, changes = 0;
   double commit_s = 0.0;
-  std::int64_t bytes = 0;  ///< that it takes on disk
+  std::int64_t bytes = 0;  ///< on disk
 };
 
-/// A `Change` has `settled`, which is told once; says whether it `is_change()`, else somebody just waits for
-/// those before it; whether it `is_lasting()`: what could not be written is tried again until it is; and
-/// whether it `is_patient()`: it is told only once it was written.
-/// Thread-safe. Changes are written in the order in which they were asked for.
+/// A `Change` has `settled`, which is called once; `is_change()`, else it only waits for the changes before
+/// it; `is_lasting()`: it is retried until it is written; and `is_patient()`: `settled` is called only once
+/// it is written. Thread-safe. Changes are written in the order of the calls.
 template <class Change>
 class GroupWriter {
  public:
-  /// One transaction: all of it or nothing, and why not.
+  /// One transaction: all of it or nothing, with the error.
   using Write = std::function<Expected<void>(std::vector<Change>&)>;
 
-  /// With a period it writes that often where nothing is asked for, too.
+  /// With a period, it writes at least that often, even without changes.
   GroupWriter(const Log& log, Write write,
               std::optional<std::chrono::steady_clock::duration> period = std::nullopt)
       : log_(log), write_(std::move(write)), period_(period), thread_([this] { work(); }) {}
@@ -47,7 +46,7 @@ class GroupWriter {
   GroupWriter(const GroupWriter&) = delete;
   GroupWriter& operator=(const GroupWriter&) = delete;
 
-  /// Writes what it was asked for, or as much of it as can be written now, and nothing from then on.
+  /// Writes the pending changes, or as many as can be written now, and nothing from then on.
   void close() ABSL_LOCKS_EXCLUDED(mutex_) {
     {
       const MutexLock lock(mutex_);
@@ -68,7 +67,7 @@ class GroupWriter {
     }
     if (change.settled) change.settled(unexpected(draining()));
   }
-  /// Writes now, whether something is asked for or not.
+  /// Writes now, with or without changes.
   void wake() ABSL_LOCKS_EXCLUDED(mutex_) {
     {
       const MutexLock lock(mutex_);
@@ -77,30 +76,29 @@ class GroupWriter {
     wake_.notify_all();
   }
 
-  /// Why nothing could be written the last time, if so.
+  /// The error of the last write, if it failed.
   [[nodiscard]] Expected<void> health() const ABSL_LOCKS_EXCLUDED(mutex_) {
     const MutexLock lock(mutex_);
     return health_;
   }
-  /// All but the bytes.
+  /// Everything except the bytes.
   [[nodiscard]] StoreUsage usage() const ABSL_LOCKS_EXCLUDED(mutex_) {
     const MutexLock lock(mutex_);
     StoreUsage usage = usage_;
     usage.written = health_.has_value();
     return usage;
   }
-  /// Whether nothing is under way.
+  /// True if nothing is in progress.
   [[nodiscard]] bool is_settled() const ABSL_LOCKS_EXCLUDED(mutex_) {
     const MutexLock lock(mutex_);
     return changes_.empty() && !writing_;
   }
 
  private:
-  static constexpr std::chrono::seconds kAgain{
-      1};  // after this long what could not be written is tried again
+  static constexpr std::chrono::seconds kAgain{1};  // time until a failed write is retried
 
-  // What is to be written next, after a while if the last time failed: then nothing new will do too, to see
-  // whether it still fails. False at the end.
+  // Returns the next changes to write, after a delay if the last write failed: then even an empty write is
+  // tried, to see whether it still fails. False at the end.
   [[nodiscard]] bool take(std::vector<Change>& changes) ABSL_LOCKS_EXCLUDED(mutex_) {
     const MutexLock lock(mutex_);
     const auto now = std::chrono::steady_clock::now();
@@ -150,7 +148,7 @@ class GroupWriter {
     usage_.commit_s += seconds;
   }
 
-  // Who asked is told, once. Nothing is tried again at the end.
+  // Notifies each caller once. Nothing is retried at the end.
   void settle(std::vector<Change>& changes, const Expected<void>& made) ABSL_LOCKS_EXCLUDED(mutex_) {
     bool was_well = true;
     {
@@ -186,7 +184,7 @@ class GroupWriter {
   bool closing_ ABSL_GUARDED_BY(mutex_) = false;
   bool closed_ ABSL_GUARDED_BY(mutex_) = false;
   Expected<void> health_ ABSL_GUARDED_BY(mutex_);
-  StoreUsage usage_ ABSL_GUARDED_BY(mutex_);  // its counts
+  StoreUsage usage_ ABSL_GUARDED_BY(mutex_);  // only its counts
   std::thread thread_;
 };
 

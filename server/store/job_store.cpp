@@ -17,11 +17,11 @@ constexpr const char* kFile = "/jobs.sqlite";
 constexpr const char* kLock = "/lock";
 constexpr const char* kRunning = "/running";
 constexpr const char* kApplication = "1298297459";  // "Mbrs", SQLite's application_id
-constexpr const char* kVersion = "3";               // of the tables, SQLite's user_version
+constexpr const char* kVersion = "3";               // version of the tables, SQLite's user_version
 constexpr const char* kWithoutArrays = "2";
-constexpr const char* kWithoutStarts = "1";  // nor jobs.lost
+constexpr const char* kWithoutStarts = "1";  // also without jobs.lost
 
-// `number` is the order of acceptance, `ended` that of the answers.
+// `number` is the order of acceptance, `ended` that of the results.
 constexpr const char* kTables = R"(
 CREATE TABLE jobs (
   number INTEGER PRIMARY KEY,
@@ -55,7 +55,7 @@ Expected<Descriptor> locked(const std::string& directory) {
   return descriptor;
 }
 
-// Nothing, if the file is ours and whole; "0" as its version if it is new.
+// Returns the file's version; "0" if the file is new. An error unless it is ours and intact.
 Expected<std::string> version_of(Database& database, const std::string& file) {
   const auto application = database.ask("PRAGMA application_id");
   if (!application) return unexpected(application.error());
@@ -87,8 +87,8 @@ Expected<void> prepare(Database& database, const std::string& file) {
   return database.run(make + kArrayTables + "PRAGMA user_version = " + kVersion + "; COMMIT");
 }
 
-// Texts that were written as something else would equal none that is asked for. Ids change in both tables, so
-// that foreign keys hold again afterwards.
+// Texts that were stored as another type would not equal any text in a query. Ids change in both tables, so
+// that foreign keys are valid again afterwards.
 Expected<void> set_types(Database& database) {
   return database.run(
       "PRAGMA foreign_keys = OFF; BEGIN;"
@@ -101,7 +101,7 @@ Expected<void> set_types(Database& database) {
       "COMMIT; PRAGMA foreign_keys = ON");
 }
 
-// What ran when the last server was killed has one start more that its server did not survive.
+// Jobs that ran when the last server was killed get one more start that the server did not survive.
 Expected<void> count_starts(Database& database, RunningJobs& running) {
   auto statement = database.prepare("UPDATE jobs SET lost = max(lost, ?2) WHERE id = ?1");
   if (!statement) return unexpected(statement.error());
@@ -118,7 +118,7 @@ std::optional<std::int64_t> elements_in(const Statement& row, int column) {
   return row.integer(column);
 }
 
-// What the server writes is for its user alone, whatever the umask was when it was written.
+// The server's files are for its user alone, whatever the umask was when they were written.
 void narrow(const std::string& file, const Log& log) {
   struct stat facts = {};
   constexpr mode_t kOthers = S_IRWXG | S_IRWXO;
@@ -308,11 +308,11 @@ StoreUsage JobStore::usage() const {
   return usage;
 }
 
-// One transaction. A change that alone cannot be made, as it is too large for SQLite, is told so and left
+// One transaction. A change that fails alone, because it is too large for SQLite, gets its error and is left
 // out.
 Expected<void> JobStore::write(std::vector<Change>& changes) {
   if (auto begun = writer_.run("BEGIN IMMEDIATE"); !begun) {
-    (void)writer_.run("ROLLBACK");  // of one that an exception has left open
+    (void)writer_.run("ROLLBACK");  // left open by an exception
     return begun;
   }
   const auto all = [&]() -> Expected<void> {
@@ -323,7 +323,7 @@ Expected<void> JobStore::write(std::vector<Change>& changes) {
       if (const Settled settled = std::exchange(change.settled, nullptr)) settled(made);
       change.kind = Kind::nothing;
     }
-    if (changes.empty()) {  // anything that is written
+    if (changes.empty()) {  // any write will do
       if (auto set = writer_.run(std::string("PRAGMA user_version = ") + kVersion); !set) return set;
     }
     fault_point("before_commit");
@@ -331,7 +331,7 @@ Expected<void> JobStore::write(std::vector<Change>& changes) {
   };
   auto made = all();
   if (made) fault_point("after_commit");
-  if (!made) (void)writer_.run("ROLLBACK");  // fails where SQLite has done so by itself
+  if (!made) (void)writer_.run("ROLLBACK");  // fails if SQLite has already done it
   return made;
 }
 
@@ -363,7 +363,7 @@ Expected<void> JobStore::make(const Change& change) {
                 .bound();
           });
     case Kind::finish: {
-      // Of a job that was forgotten meanwhile nothing is kept.
+      // Nothing is kept for a job that was dropped meanwhile.
       auto answered =
           run("INSERT OR IGNORE INTO answers (id, finished_unix_s, job, answer, error) "
               "SELECT ?1, ?2, ?3, ?4, ?5 WHERE EXISTS (SELECT 1 FROM jobs WHERE id = ?1)",

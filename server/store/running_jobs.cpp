@@ -13,10 +13,10 @@
 namespace marble::server {
 namespace {
 
-constexpr std::size_t kLine = 80;  // bytes, the newline too
+constexpr std::size_t kLine = 80;  // bytes, including the newline
 constexpr std::size_t kLongestId = 64;
 
-// New whenever the machine starts.
+// Changes whenever the machine starts.
 std::string boot() {
   std::ifstream file("/proc/sys/kernel/random/boot_id");
   std::string id;
@@ -75,7 +75,7 @@ void RunningJobs::ended(const std::string& id) {
   write(static_cast<std::size_t>(found - state_->lines.begin()) + 1, "");
 }
 
-// What cannot be written is not counted: the job runs all the same.
+// A line that cannot be written is not counted: the job runs nevertheless.
 void RunningJobs::write(std::size_t line, const std::string& text) const {
   std::string padded = text.substr(0, kLine - 1);
   padded.resize(kLine - 1, ' ');

@@ -1,5 +1,5 @@
-// Which jobs run, in a file beside the store: what a server that was killed leaves there has run when it
-// ended. A line is a write to the system's cache, which outlives the process and waits for no disk.
+// The running jobs, in a file beside the store: the starts in it when a server is killed were running at
+// that time. A line is a write to the system's cache, which outlives the process and waits for no disk.
 #pragma once
 
 #include <memory>
@@ -16,23 +16,23 @@ namespace marble::server {
 /// A start of a job.
 struct JobStart {
   std::string id;
-  int number = 1;  ///< with those before it whose server stopped meanwhile
+  int number = 1;  ///< including earlier ones during which the server died
 };
 
 /// Thread-safe.
 class RunningJobs {
  public:
-  /// Opens the file, or makes it. Errors: unavailable.
+  /// Opens the file, or creates it. Errors: unavailable.
   [[nodiscard]] static Expected<RunningJobs> open(const std::string& file);
 
-  /// Starts that have not ended, as the last server left them. None if the machine has been started anew
-  /// since: that was no job's fault.
+  /// Returns the unfinished starts of the last server. None if the machine has restarted since: that was no
+  /// job's fault.
   [[nodiscard]] std::vector<JobStart> left() const;
-  /// No job runs. Errors: unavailable.
+  /// Removes all starts. Errors: unavailable.
   [[nodiscard]] Expected<void> clear();
 
-  /// From when this returns a kill leaves the start in the file. Ids of more than 64 bytes, or with a space,
-  /// are none of ours, and are not written.
+  /// Once this returns, a kill leaves the start in the file. Ids of more than 64 bytes, or with a space, are
+  /// not the server's, and are not written.
   void began(const JobStart& start) ABSL_LOCKS_EXCLUDED(state_->mutex);
   void ended(const std::string& id) ABSL_LOCKS_EXCLUDED(state_->mutex);
 

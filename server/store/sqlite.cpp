@@ -5,14 +5,14 @@
 namespace marble::server {
 namespace {
 
-constexpr int kBusyMilliseconds = 5000;  // for a backup that reads meanwhile
+constexpr int kBusyMilliseconds = 5000;  // time for a backup that reads meanwhile
 
 Error fault_of(std::string file, int code, const char* words) {
   const auto kind = code == SQLITE_TOOBIG ? ErrorCode::resource_exhausted : ErrorCode::unavailable;
   return failure(kind, "state_dir", std::move(file), words);
 }
 
-// What went wrong last.
+// The last error.
 Error fault_of(sqlite3* connection) {
   return fault_of(sqlite3_db_filename(connection, "main"), sqlite3_errcode(connection),
                   sqlite3_errmsg(connection));
@@ -98,7 +98,7 @@ Expected<void> Statement::run() {
 }
 
 std::string Statement::bytes(int column) const {
-  // The pointer first: asking for the size must not change the type.
+  // The pointer first: reading the size must not change the type.
   const void* const start = sqlite3_column_blob(statement_.get(), column);
   const auto size = static_cast<std::size_t>(sqlite3_column_bytes(statement_.get(), column));
   return start == nullptr ? std::string() : std::string(static_cast<const char*>(start), size);

@@ -1,4 +1,4 @@
-// SQLite's C interface as values: what closes itself, and errors in SQLite's own words.
+// SQLite's C interface as values that close themselves, with errors in SQLite's own words.
 #pragma once
 
 #include <sqlite3.h>
@@ -14,17 +14,17 @@ namespace marble::server {
 
 class Statement;
 
-/// One connection, for one thread at a time. Errors: unavailable, of field state_dir, with the file as value;
-/// resource_exhausted of a text or blob that is larger than SQLite takes, 10^9 bytes.
+/// One connection, for one thread at a time. Errors: unavailable, of field state_dir, with the file as
+/// value; resource_exhausted for a text or blob that is larger than SQLite's limit, 10^9 bytes.
 class Database {
  public:
-  /// Makes the file where there is none.
+  /// Creates the file if there is none.
   [[nodiscard]] static Expected<Database> open(const std::string& file);
 
-  /// Statements without results.
+  /// Runs statements without results.
   [[nodiscard]] Expected<void> run(const std::string& sql);
   [[nodiscard]] Expected<Statement> prepare(std::string_view sql);
-  /// The only value of the only row.
+  /// Returns the only value of the only row.
   [[nodiscard]] Expected<std::string> ask(std::string_view sql);
 
  private:
@@ -34,20 +34,20 @@ class Database {
   std::unique_ptr<sqlite3, Close> connection_;
 };
 
-/// Parameters are numbered from 1, columns from 0. Texts and blobs that are bound must live until the next
-/// step() or run().
+/// Parameters are numbered from 1, columns from 0. Bound texts and blobs must live until the next step() or
+/// run().
 class Statement {
  public:
   Statement& bind(int at, std::int64_t value);
   Statement& bind(int at, double value);
   Statement& bind(int at, std::string_view text);
   Statement& bind_blob(int at, std::string_view bytes);
-  /// Whether all could be bound.
+  /// The error, if any, of binding the parameters.
   [[nodiscard]] Expected<void> bound() const;
 
-  /// Whether there is another row.
+  /// Returns whether there is another row.
   [[nodiscard]] Expected<bool> step();
-  /// To the end, and ready to be run again.
+  /// Runs to the end, and resets the statement for another run.
   [[nodiscard]] Expected<void> run();
 
   [[nodiscard]] std::int64_t integer(int column) const {
@@ -57,7 +57,7 @@ class Statement {
   [[nodiscard]] bool is_null(int column) const {
     return sqlite3_column_type(statement_.get(), column) == SQLITE_NULL;
   }
-  /// A text or a blob.
+  /// Returns a text or a blob.
   [[nodiscard]] std::string bytes(int column) const;
 
  private:

@@ -19,7 +19,7 @@ void fill(const std::string& id, const QueuePlace& place, v1::SubmitResponse* re
 
 bool outlives_call(JobKind kind) { return kind == JobKind::submitted || kind == JobKind::array; }
 
-// The job on disk. One that cannot be put there ends, and nobody has heard of it.
+// Writes the job to disk. A job that cannot be written ends, and no one has seen it.
 Afterwards kept(const ServiceParts& parts, JobStore& store, const std::shared_ptr<ResultKeeper>& keeper,
                 const std::shared_ptr<JobRecord>& record, StoredJob job) {
   return [&parts, &store, keeper, record, job = std::move(job)](const Settled& settled) mutable {
@@ -54,7 +54,7 @@ Expected<Afterwards> LocalSubmissions::submit(const Caller& caller, std::shared_
   if (store_ != nullptr || !stored.request_id.empty()) stored.request = request->SerializeAsString();
   if (!stored.request_id.empty()) stored.digest = digest_of(stored.request);
   ResultStore::Request asked{store_ == nullptr ? request : nullptr, (*job)->ticket.bytes};
-  request = nullptr;  // the job's
+  request = nullptr;  // now owned by the job
   const std::shared_ptr<JobRecord> record = (*job)->record;
   const std::string& client = caller.identity.client;
   const auto id = parts_.results.expect(record->id(), client, {stored.request_id, stored.digest});
@@ -117,7 +117,7 @@ void LocalSubmissions::recall(const std::string& id, bool finished,
     both.request = std::move(*request);
   }
   if (!finished) return then(std::move(both));
-  // One that has just finished has its answer in a moment.
+  // A job that has just finished has its result in a moment.
   const auto shared = std::make_shared<AskedAndAnswered>(std::move(both));
   parts_.results.wait(id, shared.get(), [id, shared, then](const ResultStore::Shared& result) {
     if (result == nullptr) return then(unexpected(no_such_job(id)));

@@ -1,4 +1,4 @@
-// Submitted jobs that are this server's own: in memory, and on disk where there is a store.
+// Submitted jobs of this server alone: in memory, and on disk if there is a store.
 #pragma once
 
 #include "arrays/arrays.h"
@@ -11,11 +11,11 @@ namespace marble::server {
 
 class LocalSubmissions final : public Submissions {
  public:
-  /// Before anybody calls; takes up what the store holds. `store` may be null. Errors: unavailable (it cannot
-  /// be read).
+  /// Called before any other method; recovers what the store contains. `store` may be null. Errors:
+  /// unavailable (it cannot be read).
   [[nodiscard]] static Expected<std::unique_ptr<Submissions>> begin(const ServiceParts& parts,
                                                                     JobStore* store);
-  /// What still runs tells it its end.
+  /// Running jobs report their end to this object.
   ~LocalSubmissions() override { parts_.scheduler.drain(std::chrono::duration<double>(0.0)); }
   LocalSubmissions(const LocalSubmissions&) = delete;
   LocalSubmissions& operator=(const LocalSubmissions&) = delete;
@@ -39,7 +39,7 @@ class LocalSubmissions final : public Submissions {
  private:
   LocalSubmissions(const ServiceParts& parts, JobStore* store)
       : parts_(parts), store_(store), arrays_(Arrays::make(parts, store)) {}
-  // What waits until all that the store was asked for is made; nothing where there is none.
+  // Waits until everything requested of the store is done; empty if there is no store.
   [[nodiscard]] Afterwards when_settled() const;
 
   const ServiceParts& parts_;

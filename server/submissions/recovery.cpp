@@ -22,7 +22,7 @@ Expected<std::shared_ptr<Recovery>> Recovery::begin(const ServiceParts& parts, A
   return recovery;
 }
 
-// Two rows by one request id are two jobs.
+// Two rows with one request id are two jobs.
 void Recovery::expect(const std::string& id, const std::string& client,
                       const ResultStore::RequestName& name) const {
   const auto known = parts_.results.expect(id, client, name);
@@ -51,7 +51,7 @@ Expected<void> Recovery::take_up_answers() {
   return read;
 }
 
-// One that had not come whole is as if it had never begun to.
+// An array that was not complete is treated as if it had never been sent.
 Expected<void> Recovery::take_up_array(const StoredJob& stored) {
   if (*stored.elements == 0) {
     store_.forget(stored.id);
@@ -102,7 +102,7 @@ Expected<void> Recovery::take_up_jobs() {
   return {};
 }
 
-// Of one that waits here; what the scheduler has is the scheduler's to end.
+// Ends a job that waits here; the scheduler ends the jobs that it has.
 void Recovery::give_up(const std::shared_ptr<Job>& job) {
   bool waited = false;
   {
@@ -155,8 +155,8 @@ void Recovery::room() {
   }
 }
 
-// As it was when it came, but by what its client may have and what the server's defaults are now.
-// Checking the request is a start too: a fault there would end each server that is started.
+// Makes the job as it was, but with its client's current rights and the server's current defaults. Checking
+// the request counts as a start: a crash in it would otherwise end every server that starts.
 Expected<std::shared_ptr<Job>> Recovery::remade(const StoredJob& stored) {
   store_.began({stored.id, static_cast<int>(stored.lost) + 1});
   auto job = [&]() -> Expected<std::shared_ptr<Job>> {
@@ -203,7 +203,7 @@ Expected<std::shared_ptr<Job>> Recovery::checked(const StoredJob& stored) {
   return job;
 }
 
-// Its answer is this error.
+// The job's result is this error.
 void Recovery::end(const StoredJob& stored, const Error& error) const {
   const auto record = parts_.board.make(description_of(stored, {}), Options());
   parts_.board.add(record);

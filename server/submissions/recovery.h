@@ -1,4 +1,5 @@
-// What a store held when the server was started: answers are kept on, and jobs without one wait again.
+// Recovers the contents of the store at a start of the server: results are kept, and jobs without one wait
+// again.
 #pragma once
 
 #include <deque>
@@ -11,12 +12,12 @@
 
 namespace marble::server {
 
-/// Jobs go to the queue in the order in which they were accepted, as it has room: with lower limits than
-/// before some wait here. So do suspects: jobs that ran when a server was killed. One of them runs at a time,
-/// so that the next kill is the fault of one of them at most.
+/// Jobs enter the queue in the order in which they were accepted, as it has capacity: after limits were
+/// lowered, some wait here. So do suspects: jobs that ran when a server was killed. One suspect runs at a
+/// time, so that the next kill is the fault of at most one of them.
 class Recovery final : public RoomWaiter, public std::enable_shared_from_this<Recovery> {
  public:
-  /// Before anybody calls. Errors: unavailable (the store cannot be read).
+  /// Called before any other method. Errors: unavailable (the store cannot be read).
   [[nodiscard]] static Expected<std::shared_ptr<Recovery>> begin(const ServiceParts& parts, Arrays& arrays,
                                                                  JobStore& store);
 
@@ -41,8 +42,8 @@ class Recovery final : public RoomWaiter, public std::enable_shared_from_this<Re
   JobStore& store_;
   Mutex mutex_;
   std::deque<StoredJob> waiting_ ABSL_GUARDED_BY(mutex_);
-  std::deque<std::shared_ptr<Job>> suspects_ ABSL_GUARDED_BY(mutex_);  // that wait for another
-  std::shared_ptr<Job> next_ ABSL_GUARDED_BY(mutex_);                  // of the first, once it was made
+  std::deque<std::shared_ptr<Job>> suspects_ ABSL_GUARDED_BY(mutex_);  // wait for another suspect
+  std::shared_ptr<Job> next_ ABSL_GUARDED_BY(mutex_);                  // made from the first stored job
 };
 
 }  // namespace marble::server

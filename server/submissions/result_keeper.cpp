@@ -39,7 +39,7 @@ KeptResult result_of(JobRecord& record, const Outcome& outcome) {
     result.answer = unexpected(filled.error());
   }
   const auto bytes = result.answer ? static_cast<std::int64_t>(result.answer->Length()) : 0;
-  record.set_result_bytes(bytes);  // before who waits for it hears of it
+  record.set_result_bytes(bytes);  // before the waiting clients are notified
   return {stored(record, result), std::move(result)};
 }
 
@@ -81,7 +81,7 @@ void ResultKeeper::added() {
   if (early) keep(std::move(*early));
 }
 
-// Whoever waits for it has it when it is on disk; where that fails, from memory.
+// Waiting clients get it once it is on disk; if writing fails, from memory.
 void ResultKeeper::keep(KeptResult answer) const {
   fault_point("before_answer");
   store_->finish(std::move(answer.stored),

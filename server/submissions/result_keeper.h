@@ -1,5 +1,5 @@
-// Keeps the answer of a submitted job until its client comes for it: in memory, and on disk first where there
-// is a store.
+// Keeps the result of a submitted job until its client fetches it: in memory, and first on disk if there is
+// a store.
 #pragma once
 
 #include <functional>
@@ -13,27 +13,26 @@
 
 namespace marble::server {
 
-/// How a job ended, as stores have it and as those who wait have it.
+/// How a job ended, in the form for stores and in the form for waiting clients.
 struct KeptResult {
   StoredResult stored;
   ResultStore::Result result;
 };
-/// Its record has the size of the answer from then on.
+/// Makes both forms. Sets the size of the result in the record.
 [[nodiscard]] KeptResult result_of(JobRecord& record, const Outcome& outcome);
 
 class ResultKeeper final : public JobObserver {
  public:
-  /// `store` may be null.
-  /// `lost`: starts of the job whose server stopped meanwhile. `then` is called after its end, without a
-  /// lock.
+  /// `store` may be null. `lost`: starts of the job during which the server died. `then` is called after its
+  /// end, without a lock.
   ResultKeeper(const ServiceParts& parts, JobStore* store, std::shared_ptr<JobRecord> record, int lost = 0,
                std::function<void()> then = {})
       : parts_(parts), store_(store), record_(std::move(record)), lost_(lost), then_(std::move(then)) {}
 
-  /// The store was asked to add the job: its answer may follow.
+  /// The store was asked to add the job: its result may follow.
   void added() ABSL_LOCKS_EXCLUDED(mutex_);
   void started(double queue_s) override;
-  /// One that the server's stop has interrupted is not kept on disk: it runs when the server is back.
+  /// A job that the server's stop has interrupted is not kept on disk: it runs again after the restart.
   void finished(Outcome outcome) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
@@ -47,7 +46,7 @@ class ResultKeeper final : public JobObserver {
   const std::function<void()> then_;
   Mutex mutex_;
   bool added_ ABSL_GUARDED_BY(mutex_) = false;
-  std::optional<KeptResult> early_ ABSL_GUARDED_BY(mutex_);  // that came before
+  std::optional<KeptResult> early_ ABSL_GUARDED_BY(mutex_);  // a result that came before added()
 };
 
 }  // namespace marble::server

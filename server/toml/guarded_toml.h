@@ -1,18 +1,19 @@
-// toml++ 3.3 without what it takes for granted of a file and a file can break. Instead of <toml++/toml.h>.
+// toml++ 3.3 without its assumptions about a file that a file can violate. Include this instead of
+// <toml++/toml.h>.
 #pragma once
 
-// The order of these is what matters.
+// The order of these includes matters.
 // clang-format off
 
-// Where NDEBUG is defined it assumes what it asserts, which a file like "[=" breaks: without both it goes on
-// to tell the fault.
+// With NDEBUG, toml++ assumes what it would otherwise assert, which a file such as "[=" violates: with
+// neither, it continues and reports the error.
 #pragma push_macro("NDEBUG")
 #undef NDEBUG
 #define TOML_ASSERT(expression) static_cast<void>(0)
 #define TOML_EXCEPTIONS 0
 #include <toml++/impl/forward_declarations.h>
-// It looks for white space beyond ASCII by tables whose empty places it calls unreachable: for letters such as
-// é, that is. They are none.
+// toml++ looks for white space beyond ASCII in tables whose empty entries it calls unreachable, for letters
+// such as é. They are reachable.
 #pragma push_macro("TOML_UNREACHABLE")
 #undef TOML_UNREACHABLE
 #define TOML_UNREACHABLE return false

@@ -11,12 +11,12 @@
 namespace marble::server {
 namespace {
 
-constexpr std::size_t kLongestValue = 64;  // bytes of an error's value that are told
+constexpr std::size_t kLongestValue = 64;  // bytes of an error's value that are sent
 
 }  // namespace
 
-// A name in a certificate or in a damaged store may hold any bytes, and one string that is not UTF-8 makes
-// the whole message unreadable.
+// A name in a certificate or in a damaged store may contain any bytes, and a single string that is not UTF-8
+// makes the whole message unreadable.
 std::string utf8(const std::string& text) {
   if (google::protobuf::internal::IsStructurallyValidUTF8(text.data(), static_cast<int>(text.size())))
     return text;

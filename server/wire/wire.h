@@ -1,5 +1,5 @@
-// Messages from and to bytes. The service parses its requests itself: gRPC would answer what it cannot parse
-// with UNIMPLEMENTED, and would own the message, which here belongs to the job.
+// Converts messages from and to bytes. The service parses its requests itself: gRPC would reply
+// UNIMPLEMENTED to bytes that it cannot parse, and would own the message, which belongs to the job.
 #pragma once
 
 #include <grpcpp/impl/codegen/proto_utils.h>
@@ -14,17 +14,18 @@
 
 namespace marble::server {
 
-/// Fields that a request may have, an array of numbers counted as one: many times what the contract has.
+/// Limit on the fields of a request, where an array of numbers counts as one: many times what the contract
+/// has.
 constexpr std::int64_t kMostFields = 1000;
 
-/// Parses a call's request and frees its bytes, so that both are not held for the time of the call. (gRPC
-/// shows a request as const, but it is the call's own, and nobody else looks at it.)
-/// Errors: invalid_argument (no such message, or more than `most_fields`).
+/// Parses a call's request and frees its bytes, so that the call does not hold both. (gRPC passes a request
+/// as const, but it belongs to the call alone, and no other code reads it.) Errors: invalid_argument (no
+/// such message, or more than `most_fields`).
 template <class Message>
 [[nodiscard]] Expected<void> parse(const grpc::ByteBuffer* bytes, Message* message,
                                    std::int64_t most_fields = kMostFields) {
   auto* own = const_cast<grpc::ByteBuffer*>(bytes);
-  // A field takes two bytes at least: short messages, the most frequent ones, need not be looked through.
+  // A field takes at least two bytes, so short messages, the most frequent ones, need no count.
   if (static_cast<std::int64_t>(own->Length()) > 2 * most_fields) {
     grpc::ProtoBufferReader reader(own);
     if (auto valid = check_fields(reader, *Message::descriptor(), most_fields); !valid) {

@@ -1,4 +1,5 @@
-// The one border between messages and the core's values. Arrays are mapped, not copied, on the way in.
+// The only conversions between messages and the core's values. Arrays of incoming messages are viewed, not
+// copied.
 #pragma once
 
 #include <limits>
@@ -18,13 +19,14 @@
 
 namespace marble {
 
-/// Views of a message's arrays; the message must outlive them. Checks nothing: Problem::create does.
+/// Returns views of a message's arrays; the message must outlive them. Checks nothing: Problem::create does.
 [[nodiscard]] ProblemView view_of(const v1::Problem& message);
 
-/// The same of one matrix.
+/// The same for one matrix.
 [[nodiscard]] SparseMatrixView view_of(const v1::SparseMatrix& message);
 
-/// Views of an update's arrays; the message must outlive them. Checks nothing: PartSizes::check does.
+/// Returns views of an update's arrays; the message must outlive them. Checks nothing: PartSizes::check
+/// does.
 [[nodiscard]] ProblemUpdate update_of(const v1::ProblemUpdate& message);
 
 /// Copies an update into a message.
@@ -32,43 +34,43 @@ void to_message(const ProblemUpdate& update, v1::ProblemUpdate* message);
 
 /// Copies a problem into a message.
 void to_message(const ProblemView& problem, v1::Problem* message);
-/// The same of one matrix.
+/// The same for one matrix.
 void to_message(const SparseMatrixView& matrix, v1::SparseMatrix* message);
 
-/// Views of a matrix's arrays; the message must outlive them.
+/// Returns views of a matrix's arrays; the message must outlive them.
 [[nodiscard]] SparseMatrixView view_of(const v1::SparseMatrix& message);
 /// Copies a matrix into a message.
 void to_message(const SparseMatrixView& matrix, v1::SparseMatrix* message);
 
-/// Views of a request's arrays; the message must outlive them. Checks nothing: check() does.
+/// Returns views of a request's arrays; the message must outlive them. Checks nothing: check() does.
 [[nodiscard]] SensitivityRequest request_of(const v1::SensitivityRequest& message);
-/// Copies what is asked of an answer's derivatives into a message.
+/// Copies a request for derivatives of a solution into a message.
 void to_message(const SensitivityRequest& request, v1::SensitivityRequest* message);
-/// All of it: derivatives, or why there are none.
+/// Copies the derivatives, or the error that explains why there are none.
 void to_message(const Expected<SensitivityAnswer>& answer, v1::Sensitivity* message);
 [[nodiscard]] Expected<SensitivityAnswer> sensitivity_of(const v1::Sensitivity& message);
-/// Path in SensitivityRequest of a field named by check(): "directions.A.values" →
-/// "directions.numbers.equality_values"; and back.
+/// Returns the path in SensitivityRequest of a field named by check(): "directions.A.values" →
+/// "directions.numbers.equality_values"; and the inverse.
 [[nodiscard]] std::string sensitivity_field(const std::string& core_field);
 [[nodiscard]] std::string core_sensitivity_field(const std::string& message_field);
 
-/// Path in the request of a field named by the core: "A.row_indices" → "equality_matrix.row_indices",
-/// "initial_z" → "initial_point.z".
+/// Returns the path in the request of a field named by the core: "A.row_indices" →
+/// "equality_matrix.row_indices", "initial_z" → "initial_point.z".
 [[nodiscard]] std::string message_field(const std::string& core_field);
-/// The same in an update, where a matrix has its values alone: "A.values" → "equality_values".
+/// The same in an update, where a matrix has only its values: "A.values" → "equality_values".
 [[nodiscard]] std::string update_field(const std::string& core_field);
-/// The way back of both, and of "sensitivity." with a path of a SensitivityRequest; a path that is none of a
-/// problem's comes back as it is.
+/// The inverse of both, and of "sensitivity." with a path of a SensitivityRequest; a path that is not one of
+/// a problem is returned unchanged.
 [[nodiscard]] std::string core_field(const std::string& message_field);
 
-/// Of google.rpc.Code.
+/// Returns a google.rpc.Code.
 [[nodiscard]] int to_message(ErrorCode code);
-/// The way back; `internal` of a code that no Marble server sends.
+/// The inverse; `internal` for a code that no Marble server sends.
 [[nodiscard]] ErrorCode error_code_of(int google_rpc_code);
 
 /// Absent fields keep their value in `defaults`; ranges are checked. Error fields are option names.
 [[nodiscard]] Expected<Options> options_of(const v1::SolveOptions& message, const Options& defaults = {});
-/// Sets every field, so that the message says all that was used.
+/// Sets every field, so that the message contains all options that were used.
 void to_message(const Options& options, v1::SolveOptions* message);
 /// Describes every option, from the option table.
 void to_message(const OptionInfo& option, v1::OptionSchema* message);
@@ -78,8 +80,8 @@ void to_message(const Conflict& conflict, v1::Conflict* message);
 void to_message(const Violations& violations, v1::Violations* message);
 [[nodiscard]] Violations violations_of(const v1::Violations& message);
 
-/// What Progress, Solution and a job tell of a tree (option global). What is not known is absent in the
-/// message, so that a solve without a tree sends nothing of it, and infinite in `told`.
+/// Copies the state of a tree (option global) from Progress, Solution or a job. Unknown values are absent in
+/// the message, so that a solve without a tree sends none of them, and infinite in `told`.
 template <class Told, class Message>
 void tree_to_message(const Told& told, Message* message) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -106,7 +108,7 @@ void take_tree(const Message& message, Told& told) {
 
 void to_message(const Activity& activity, v1::Activity* message);
 [[nodiscard]] Activity activity_of(const v1::Activity& message);
-/// Everything but z, which is sent only where it was asked for.
+/// Copies everything except z, which is sent only if requested.
 void to_message(const Progress& progress, v1::Progress* message);
 /// z views the message, which must outlive it.
 [[nodiscard]] Progress progress_of(const v1::Progress& message);
@@ -114,10 +116,10 @@ void to_message(const Progress& progress, v1::Progress* message);
 [[nodiscard]] v1::Status to_message(Status status);
 [[nodiscard]] Status status_of(v1::Status status);
 
-/// Everything but the queue and total times and the options, which the service knows.
+/// Copies everything except the queue and total times and the options, which the service knows.
 void to_message(const Solution& solution, v1::Solution* message);
 [[nodiscard]] Solution solution_of(const v1::Solution& message);
-/// What a solve starts from: the vectors and the cold objective alone.
+/// Copies the start of a solve: only the vectors and the reference objective (cold_objective).
 void to_message(const Solution& start, v1::WarmStart* message);
 [[nodiscard]] Solution solution_of(const v1::WarmStart& message);
 

@@ -1,4 +1,4 @@
-// The border between messages and scenario solves. Arrays are mapped, not copied, on the way in.
+// Conversions between messages and scenario solves. Arrays of incoming messages are viewed, not copied.
 #pragma once
 
 #include "marble/composite/scenarios.h"
@@ -9,31 +9,31 @@
 
 namespace marble {
 
-/// Fills first_stage, own rows and the worlds of a problem that has its base. Views the message's arrays.
+/// Fills first_stage, own rows and the scenarios of a problem that has its base. Views the message's arrays.
 /// Errors: fields of `Scenarios`, "samples.values" and such.
 [[nodiscard]] Expected<void> take_worlds(const v1::Scenarios& message, ScenarioProblem& problem);
 
 /// Absent fields keep their value in `settings`; options and callback too. Checks nothing: check_scenarios
-/// does, whose "settings.growth" is the field "growth" here.
+/// does, whose "settings.growth" is the field "growth" of the message.
 void take_settings(const v1::Scenarios& message, ScenarioSettings& settings);
 
-/// The settings but for options and callback.
+/// Copies the settings except options and callback.
 void to_message(const ScenarioSettings& settings, v1::Scenarios* message);
-/// The problem's first stage and own rows, and as a table the first `count` of its worlds: of each entry that
-/// is not the base's in all of them. Errors: those of `sample`, or of what it gives: "scenario[7].b".
+/// Copies the problem's first stage and own rows, and its first `count` scenarios as a table of each entry
+/// that differs from the base in any of them. Errors: those of `sample`, or of its results: "scenario[7].b".
 [[nodiscard]] Expected<void> to_message(const ScenarioProblem& problem, std::int64_t count,
                                         v1::Scenarios* message);
-/// The sampler.
+/// Copies the sampler.
 void to_message(const ScenarioSampler& sampler, v1::ScenarioSampler* message);
 
-/// Everything but x.
+/// Copies everything except x.
 void to_message(const ScenarioLevel& level, v1::ScenarioLevel* message);
-/// The way back.
+/// The inverse.
 [[nodiscard]] ScenarioLevel scenario_level_of(const v1::ScenarioLevel& message);
 
-/// What the solution does not say.
+/// Copies what the solution does not contain.
 void to_message(const ScenarioAnswer& answer, v1::ScenarioOutcome* message);
-/// An answer from its solution, whose outcome must be there.
+/// Returns the result in a solution, whose scenario outcome must be set.
 [[nodiscard]] ScenarioAnswer scenario_answer_of(const v1::Solution& message);
 
 }  // namespace marble

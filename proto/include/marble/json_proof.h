@@ -1,5 +1,5 @@
-// Proofs as files, a line of JSON a leaf: the format is in client/FORMATS.md. Knows nothing of protobuf and
-// gRPC.
+// Proofs as files, one line of JSON per leaf: the format is in client/FORMATS.md. Independent of protobuf
+// and gRPC.
 #pragma once
 
 #include <functional>
@@ -12,8 +12,8 @@
 
 namespace marble {
 
-/// Hands a proof to `write`, line by line, whose claim is not Proof::Claim::none. With the answer it is of,
-/// if that is solved, and what the options call feasible. Doubles keep every bit.
+/// Passes a proof whose claim is not Proof::Claim::none to `write`, line by line, with its solution, if that
+/// is solved, and the feasibility tolerances of the options. Doubles keep every bit.
 void write_proof(const Proof& proof, const ProblemView& problem, const Options& options,
                  const Solution& solution, const std::function<void(std::string_view)>& write);
 

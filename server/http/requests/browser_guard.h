@@ -1,4 +1,4 @@
-// What keeps pages of other sites out: a browser sends requests for anybody, and from inside the user's
+// Protects against pages of other sites: a browser sends requests for any site, and from inside the user's
 // network.
 #pragma once
 
@@ -8,19 +8,19 @@
 
 namespace marble::server::http {
 
-/// Sent with every answer: no other site embeds, reads or runs anything of it.
+/// Sent with every reply: no other site may embed, read or run its contents.
 [[nodiscard]] httplib::Headers safety_headers();
 
-/// Where `is_local`, the port is on loopback and takes callers for what they say: then a name that is not
-/// loopback's own means that another site's name was made to point here. Errors: permission_denied (the
-/// header Host, Sec-Fetch-Site, or none that only this site's page can send with a POST: Marble-Request, or a
-/// Content-Type that no form has).
+/// `is_local` means that the port is on loopback and trusts the names that callers give: a host that is not
+/// a loopback name then shows that another site's name was made to point here. Errors: permission_denied
+/// (the header Host, Sec-Fetch-Site, or a POST without a header that only this site's page can send:
+/// Marble-Request, or a Content-Type that no form has).
 [[nodiscard]] Expected<void> check_browser(const httplib::Request& request, bool is_local);
 
-/// Whether its body is said to be JSON.
+/// True if the Content-Type of its body is JSON.
 [[nodiscard]] bool is_json(const httplib::Request& request);
 
-/// Of a Host header or an address to listen at, with or without a port.
+/// Of a Host header or a listening address, with or without a port.
 [[nodiscard]] bool is_loopback(const std::string& host);
 
 }  // namespace marble::server::http

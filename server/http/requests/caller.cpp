@@ -11,7 +11,7 @@ Credentials credentials_of(const httplib::Request& request) {
   given.peer = (six ? "ipv6:[" + request.remote_addr + "]" : "ipv4:" + request.remote_addr) + ":" +
                std::to_string(request.remote_port);
   if (request.has_header("Authorization")) given.token = bearer_of(request.get_header_value("Authorization"));
-  if (request.get_header_value_count("Authorization") > 1) given.token = "";  // nobody says which one counts
+  if (request.get_header_value_count("Authorization") > 1) given.token = "";  // which one applies is unclear
   given.certificate = certificate_name(request.ssl);
   if (request.has_header("Marble-Client")) given.name = request.get_header_value("Marble-Client");
   return given;

@@ -1,4 +1,4 @@
-// Who sends an HTTP request. The rules are those of gRPC calls: access.h.
+// Identifies the sender of an HTTP request, by the rules of gRPC calls: access.h.
 #pragma once
 
 #include <httplib.h>
@@ -11,7 +11,7 @@ namespace marble::server::http {
 /// From "Authorization: Bearer TOKEN", the client's certificate, "Marble-Client: NAME" and the address.
 [[nodiscard]] Credentials credentials_of(const httplib::Request& request);
 
-/// Takes up the client's trace too: `traceparent`.
+/// Also reads the client's trace: `traceparent`.
 [[nodiscard]] Origin origin_of(const httplib::Request& request);
 
 }  // namespace marble::server::http

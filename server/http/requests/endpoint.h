@@ -1,5 +1,4 @@
-// What all routes with data have in common: the caller is identified first, and a refusal is answered and
-// logged.
+// What all data routes have in common: they identify the caller first, and a refusal is sent and logged.
 #pragma once
 
 #include <httplib.h>
@@ -11,20 +10,20 @@
 
 namespace marble::server::http {
 
-/// Fills the response for a caller, or says why not.
+/// Fills the response for a caller, or returns an error.
 using Answer = std::function<Expected<void>(const httplib::Request&, const Identity&, httplib::Response&)>;
 
 [[nodiscard]] httplib::Server::Handler endpoint(const ServiceParts& parts, Answer answer);
 
-/// Submissions::look(), on a thread that may wait.
+/// Submissions::look(), on a thread that may block.
 [[nodiscard]] Expected<void> look(const ServiceParts& parts, const std::string& id = "");
-/// On a thread that may wait.
+/// Called on a thread that may block.
 [[nodiscard]] Expected<void> wait_for(const Afterwards& afterwards);
 
-/// Tells the client and the log.
+/// Sends the error to the client and logs it.
 void refuse(const Log& log, const httplib::Request& request, const Error& error, httplib::Response& response);
 
-/// The error unless every parameter of the query is one of these. Errors: invalid_argument.
+/// An error unless every parameter of the query is one of these. Errors: invalid_argument.
 [[nodiscard]] Expected<void> check_parameters(const httplib::Request& request,
                                               std::initializer_list<const char*> known);
 

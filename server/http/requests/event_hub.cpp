@@ -12,17 +12,18 @@
 namespace marble::server::http {
 namespace {
 
-constexpr std::size_t kKeptFrames = 32;  // so far a viewer may fall behind
-constexpr int kTicksOfAll = 2;           // between two looks at all jobs
-constexpr int kTicksOfServer = 4;        // between two looks at the server
-constexpr int kTicksOfClients = 16;      // and at who takes its workers
+constexpr std::size_t kKeptFrames = 32;  // how far a viewer may fall behind
+constexpr int kTicksOfAll = 2;           // between updates of all jobs
+constexpr int kTicksOfServer = 4;        // between updates of the server
+constexpr int kTicksOfClients = 16;      // and of the clients' use of its workers
 
-/// What decides over the jobs that a caller sees, and nothing else: who has the same shares a topic.
+/// The properties that decide which jobs a caller sees, and nothing else: callers with equal ones share a
+/// topic.
 Identity visibility(const Identity& caller) {
   return sees_all(caller) ? Identity{"", {Role::observe}} : Identity{caller.client, {}};
 }
 
-/// The role's key is none that a client's name can make.
+/// The key of the role is one that no client name can produce.
 std::string key_of_all(const Identity& caller) { return sees_all(caller) ? "*" : "client " + caller.client; }
 
 EventHub::Frame frame_of(const char* name, const std::string& json) {
@@ -44,22 +45,23 @@ std::string event(const char* name, const std::string& json) {
   return std::string("event: ") + name + "\ndata: " + json + "\n\n";
 }
 
-/// What is told to all who may see the same. Guarded by the hub's mutex but for what its thread alone uses.
+/// The frames for all viewers with the same rights. Guarded by the hub's mutex, except members used only by
+/// its thread.
 struct EventHub::Topic {
   std::string key;
   std::string job_id, owner;  // empty: all jobs
-  Identity viewer;            // for the feed
+  Identity viewer;            // whose rights the feed uses
 
   int viewers = 0;
   bool has_newcomer = false;
   std::deque<Frame> frames = {};
-  std::int64_t end = 0;  // number of the frame to come
+  std::int64_t end = 0;  // number of the next frame
   bool over = false;
   std::shared_ptr<Condition> told = std::make_shared<Condition>();
 
-  std::unique_ptr<JobFeed> feed = nullptr;  // the hub's thread's alone
-  std::int64_t skipped = 0;                 // by this feed; the thread's too
-  bool starts = false;                      // tell from the beginning; the thread's too
+  std::unique_ptr<JobFeed> feed = nullptr;  // used only by the hub's thread
+  std::int64_t skipped = 0;                 // by this feed; hub's thread only
+  bool starts = false;                      // report from the start; hub's thread only
 };
 
 EventHub::EventHub(const ServiceParts& parts, Places& places)
@@ -160,7 +162,7 @@ void EventHub::run() {
 bool EventHub::wait_for_tick() {
   const auto next = Clock::now() + kTick;
   const MutexLock lock(mutex_);
-  while (!stopping_ && topics_.empty()) wake_.wait(mutex_);  // nobody watches
+  while (!stopping_ && topics_.empty()) wake_.wait(mutex_);  // no one watches
   while (!stopping_ && wake_.wait_until(mutex_, next) == std::cv_status::no_timeout) {
   }
   return !stopping_;
@@ -177,8 +179,8 @@ EventHub::Topics EventHub::take_topics() {
   return topics;
 }
 
-// A newcomer to one job is told all that was, and the others with it: the feed begins anew. A newcomer to all
-// jobs lists them itself.
+// A new viewer of one job gets everything so far, and the others with it: the feed restarts. A new viewer of
+// all jobs lists them itself.
 void EventHub::look_at_jobs(Topic& topic, std::vector<Frame>& frames, bool& over) {
   const bool all = topic.job_id.empty();
   if (topic.feed == nullptr || (topic.starts && !all)) {
@@ -187,7 +189,7 @@ void EventHub::look_at_jobs(Topic& topic, std::vector<Frame>& frames, bool& over
     if (all) request.set_progress_interval_s(std::chrono::duration<double>(kTicksOfAll * kTick).count());
     auto feed = JobFeed::open(parts_.board, feeds_, topic.viewer, {}, request);
     if (feed) topic.feed = std::move(*feed);
-    over = !feed;  // the job has been forgotten meanwhile
+    over = !feed;  // the job has been dropped meanwhile
     topic.skipped = 0;
   }
   v1::WatchJobsResponse response;

@@ -1,5 +1,5 @@
-// Frames of server-sent events. One thread makes each frame once for all who may see the same, while somebody
-// watches; a viewer that does not keep up misses frames and is told.
+// Frames of server-sent events. While there are viewers, one thread makes each frame once for all viewers
+// with the same rights; a viewer that does not keep up misses frames and is notified.
 #pragma once
 
 #include <deque>
@@ -19,7 +19,7 @@ namespace marble::server::http {
 [[nodiscard]] std::string event(const char* name, const std::string& json);
 
 [[nodiscard]] bool sees_all(const Identity& caller);
-/// Who takes the workers: everybody, or of who may not see all, the caller.
+/// Returns which clients use the workers: all of them, or only the caller if it may not see the others.
 [[nodiscard]] std::string clients_for(const ServiceParts& parts, const Identity& caller);
 
 class EventHub {
@@ -28,7 +28,7 @@ class EventHub {
  public:
   using Frame = std::shared_ptr<const std::string>;
   static constexpr std::chrono::milliseconds kTick{
-      125};  ///< of one job's events; all jobs' come every second tick
+      125};  ///< of one job's events; those of all jobs come every second tick
 
   /// Each viewer has a place, and one of parts.feeds.
   EventHub(const ServiceParts& parts, Places& places);
@@ -36,7 +36,7 @@ class EventHub {
   EventHub(const EventHub&) = delete;
   EventHub& operator=(const EventHub&) = delete;
 
-  /// One stream's place among the frames. The hub must outlive it.
+  /// One stream's position among the frames. The hub must outlive it.
   class Viewer {
    public:
     ~Viewer();
@@ -45,12 +45,12 @@ class EventHub {
 
     struct Next {
       enum { frame, quiet, missed, over } what;
-      Frame bytes = nullptr;  ///< of a frame
+      Frame bytes = nullptr;  ///< set for a frame
     };
-    /// Waits for the next frame, `patience` at most: quiet. Missed: some are gone, it goes on with the
-    /// newest.
+    /// Waits for the next frame, at most `patience`; quiet: none came. Missed: some were dropped, and it
+    /// continues with the newest.
     [[nodiscard]] Next next(Clock::duration patience);
-    /// Whether the caller may still see what it watches.
+    /// True if the caller may still see what it watches.
     [[nodiscard]] bool is_for(const Identity& caller) const;
 
    private:
@@ -69,11 +69,11 @@ class EventHub {
     std::int64_t at_;  // number of the frame to read next
   };
 
-  /// All jobs that the caller may see, and the server itself. Errors: resource_exhausted.
+  /// Watches all jobs that the caller may see, and the server itself. Errors: resource_exhausted.
   [[nodiscard]] Expected<std::unique_ptr<Viewer>> watch_all(const Identity& caller);
-  /// One job. Errors: not_found, resource_exhausted.
+  /// Watches one job. Errors: not_found, resource_exhausted.
   [[nodiscard]] Expected<std::unique_ptr<Viewer>> watch_job(const Identity& caller, const std::string& id);
-  /// Ends all streams, those to come too.
+  /// Ends all streams, including later ones.
   void stop() ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
@@ -90,7 +90,7 @@ class EventHub {
 
   const ServiceParts& parts_;
   Places& places_;
-  FeedLimit feeds_;  // of the topics: viewers are what is limited
+  FeedLimit feeds_;  // of the topics: the limit is on viewers
   std::int64_t tick_ = 0;
   Mutex mutex_;
   Condition wake_;

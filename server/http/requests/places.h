@@ -1,4 +1,4 @@
-// What few requests of the HTTP port may have at a time: a thread for long, memory for much.
+// Limits requests of the HTTP port that keep a thread for long or need much memory.
 #pragma once
 
 #include <cstdint>
@@ -14,12 +14,12 @@ namespace marble::server::http {
 /// Thread-safe.
 class Places {
  public:
-  /// Threads, beyond which there must be others; bytes.
+  /// `threads` that long requests may keep, fewer than all; `bytes` of memory.
   Places(int threads, std::int64_t bytes) : threads_(threads), bytes_(bytes) {}
   Places(const Places&) = delete;
   Places& operator=(const Places&) = delete;
 
-  /// What one request has; given back at its end.
+  /// What one request holds; released at its end.
   class Place {
    public:
     Place(Place&& other) noexcept
@@ -31,7 +31,7 @@ class Places {
     ~Place() {
       if (all_ != nullptr) all_->leave(*this);
     }
-    /// Holds this many bytes from now on. Errors: resource_exhausted; it then has what it had.
+    /// Holds this number of bytes from now on. Errors: resource_exhausted; it then keeps the number it had.
     [[nodiscard]] Expected<void> resize(std::int64_t bytes) {
       if (auto taken = all_->take(client_, bytes_, bytes); !taken) return taken;
       bytes_ = bytes;
@@ -49,7 +49,7 @@ class Places {
     std::string client_;
   };
 
-  /// A thread for as long as the request likes. Errors: resource_exhausted.
+  /// Reserves a thread for the whole request. Errors: resource_exhausted.
   [[nodiscard]] Expected<Place> stay() ABSL_LOCKS_EXCLUDED(mutex_) {
     const MutexLock lock(mutex_);
     if (staying_ >= threads_) {
@@ -59,8 +59,8 @@ class Places {
     ++staying_;
     return Place(*this, 1, 0, "");
   }
-  /// So many bytes for a client, which has half of all at most. One request alone may have more: of a client,
-  /// and of all clients. Errors: resource_exhausted.
+  /// Reserves bytes for a client, which may have at most half of the total. The only request of a client may
+  /// exceed this half, and the only request of all clients the total. Errors: resource_exhausted.
   [[nodiscard]] Expected<Place> hold(const std::string& client, std::int64_t bytes)
       ABSL_LOCKS_EXCLUDED(mutex_) {
     if (auto taken = take(client, 0, bytes); !taken) return unexpected(taken.error());
@@ -101,7 +101,7 @@ class Places {
   Mutex mutex_;
   int staying_ ABSL_GUARDED_BY(mutex_) = 0;
   std::int64_t held_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::map<std::string, std::int64_t> held_by_ ABSL_GUARDED_BY(mutex_);  // by client
+  std::map<std::string, std::int64_t> held_by_ ABSL_GUARDED_BY(mutex_);  // key: client
 };
 
 }  // namespace marble::server::http

@@ -67,7 +67,7 @@ void reply_json(httplib::Response& response, const google::protobuf::Message& me
 namespace {
 
 // Provides `length` bytes, all of them in one call; `put` writes them until the sink takes no more. What it
-// has lives as long as the response.
+// owns lives as long as the response.
 template <class Put>
 Expected<void> reply_held(httplib::Response& response, Places& places, Places::Place memory,
                           std::uint64_t length, const char* type, const Put& put) {
@@ -86,7 +86,7 @@ Expected<void> reply_held(httplib::Response& response, Places& places, Places::P
 
 Expected<void> reply_long_json(httplib::Response& response, Places& places, Places::Place memory,
                                std::shared_ptr<const google::protobuf::Message> message) {
-  std::string text;  // of a short one
+  std::string text;  // JSON of a short message
   std::uint64_t length = 0;
   write_message_json(*message, [&](std::string_view piece) {
     length += piece.size();

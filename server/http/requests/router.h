@@ -1,4 +1,4 @@
-// The routes of the HTTP port, and which methods each path takes.
+// The routes of the HTTP port, and the methods of each path.
 #pragma once
 
 #include <httplib.h>
@@ -15,15 +15,15 @@ class Router {
 
   explicit Router(httplib::Server& server) : server_(server) {}
 
-  /// `pattern` is a regular expression of the whole path; HEAD comes with GET.
+  /// `pattern` is a regular expression of the whole path; HEAD is added to GET.
   void get(const std::string& pattern, Handler handler);
   void post(const std::string& pattern, Handler handler);
-  /// The handler reads the body itself, once it knows whose it is.
+  /// The handler reads the body itself, once it has identified the caller.
   void post_unread(const std::string& pattern, httplib::Server::HandlerWithContentReader handler);
   void del(const std::string& pattern, Handler handler);
-  /// What a path takes, as in "GET, HEAD"; empty if it is none that is here.
+  /// Returns the methods of a path, as in "GET, HEAD"; empty if there is no such path.
   [[nodiscard]] std::string methods_of(const std::string& path) const;
-  /// All of them, as in "GET, HEAD /api/jobs/([^/]+)".
+  /// Returns all of them, as in "GET, HEAD /api/jobs/([^/]+)".
   [[nodiscard]] std::vector<std::string> routes() const;
 
  private:

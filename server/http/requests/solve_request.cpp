@@ -15,7 +15,7 @@ namespace {
 constexpr std::size_t kMostShown = 200;  // characters of a client's text
 const std::string kTypes = "type.googleapis.com/";
 
-// What stands beside the problem.
+// The members beside the problem.
 const std::vector<std::string_view>& other_members() {
   static const std::vector<std::string_view> names = [] {
     std::vector<std::string_view> all;
@@ -28,8 +28,7 @@ const std::vector<std::string_view>& other_members() {
   return names;
 }
 
-// Protobuf says "(place): invalid value …", "(place) name: what is wrong with it", or no more than the
-// latter.
+// Protobuf writes "(place): invalid value …", "(place) name: what is wrong with it", or only the latter.
 Error fault_of(std::string text) {
   std::string field;
   const auto cut = [&text](std::size_t from, std::size_t size) {
@@ -47,7 +46,7 @@ Error fault_of(std::string text) {
                  "is not as the API describes it: " + text.substr(0, kMostShown));
 }
 
-// By way of bytes: there a bound on the number of fields holds before any of them is made.
+// Through bytes: there a limit on the number of fields applies before any is created.
 Expected<void> read_rest(const std::string& rest, v1::SolveRequest* message) {
   static google::protobuf::util::TypeResolver* const types =
       google::protobuf::util::NewTypeResolverForDescriptorPool(

@@ -1,4 +1,4 @@
-// A request to solve as JSON, as POST /api/jobs takes it.
+// Reads a request to solve from JSON, for POST /api/jobs.
 #pragma once
 
 #include <memory>
@@ -9,9 +9,9 @@
 
 namespace marble::server::http {
 
-/// {"problem": …} with the problem as problem files have it and the other fields of v1::SolveRequest as
-/// protobuf's JSON; or the problem alone. At most `most_bytes` as a message. Errors: invalid_argument, with
-/// fields as the text has them; resource_exhausted.
+/// {"problem": …} with the problem in the format of problem files and the other fields of v1::SolveRequest
+/// in protobuf's JSON; or the problem alone. At most `most_bytes` as a message. Errors: invalid_argument,
+/// with fields named as in the text; resource_exhausted.
 [[nodiscard]] Expected<std::shared_ptr<v1::SolveRequest>> solve_request_of(std::string_view text,
                                                                            std::int64_t most_bytes);
 

@@ -9,14 +9,14 @@
 namespace marble::server::http {
 namespace {
 
-constexpr int kMostRequests = 1000;  // of one connection
-constexpr int kLeastWaiting = 64;    // connections, however few are served
-// Headers that no client can send: what is wrong with the others, and what httplib shall not see.
+constexpr int kMostRequests = 1000;  // requests per connection
+constexpr int kLeastWaiting = 64;    // connections, even if few are served
+// Headers that no client can send: the error of an invalid head, and a header that httplib must not see.
 constexpr const char *kFault = "", *kAcceptEncoding = " Accept-Encoding";
 
-// What httplib would do on its own: ranges of what is made anew each time, compression at the solver's cost,
-// and waiting for the end of a body that has no length. Whether nothing may follow this request: its body, if
-// it has one, is perhaps not read.
+// Turns off what httplib would do on its own: ranges of replies that are made anew each time, compression at
+// the solver's cost, and waiting for the end of a body without a length. Returns whether no request may
+// follow this one, because its body, if any, may not have been read.
 bool prepare(httplib::Request& request) {
   request.ranges.clear();
   request.headers.erase("Range");
@@ -37,7 +37,7 @@ bool prepare(httplib::Request& request) {
   return last;
 }
 
-// Whether a request is for this path, whatever comes after it.
+// True if a request is for this path, regardless of what follows it.
 bool asks_for(std::string_view request, std::string_view path) {
   for (const std::string_view method : {"GET ", "HEAD "}) {
     if (request.substr(0, method.size()) != method) continue;
@@ -48,7 +48,7 @@ bool asks_for(std::string_view request, std::string_view path) {
   return false;
 }
 
-// Runs what httplib does with a new connection at once: that is no more than to let it in.
+// Runs httplib's task for a new connection at once: it only adds the connection.
 class AtOnce final : public httplib::TaskQueue {
  public:
   void enqueue(std::function<void()> task) override { task(); }
@@ -108,7 +108,7 @@ void BoundedServer::serve(const Lobby::Guest& connection) {
   const std::string fault = fault_of_head(connection->received());
   const bool is_final = connection->begin_request() == kMostRequests;
   bool closes = false, is_last = true;  // unless it can be read
-  std::size_t length = 0, left = 0;     // of the body, of what may be read from there
+  std::size_t length = 0, left = 0;     // length of the body; bytes that may be read from there
   bool in_pieces = false;
   const auto set_up = [&](httplib::Request& request) {
     request.ssl = connection->session();
@@ -119,13 +119,13 @@ void BoundedServer::serve(const Lobby::Guest& connection) {
       request.headers.erase("Connection");
       request.headers.emplace("Connection", "close");
       request.headers.emplace(kFault, fault);
-      connection->end_request();  // where it ends is not known
+      connection->end_request();  // its end is unknown
       return;
     }
     in_pieces = request.has_header("Transfer-Encoding");
     length = request.get_header_value<std::uint64_t>("Content-Length");
     if (is_too_long(request)) {
-      connection->end_request();  // else httplib would wait for all of it before it answers
+      connection->end_request();  // else httplib would wait for all of it before it replies
     } else if (length > kOrdinaryBody) {
       const std::chrono::duration<double> time(static_cast<double>(length) / bodies_.bytes_per_s);
       connection->expect_body(length, line_time_ + std::chrono::duration_cast<Clock::duration>(time));
@@ -133,7 +133,7 @@ void BoundedServer::serve(const Lobby::Guest& connection) {
     left = connection->left();
   };
   const bool done = process_request(*connection, is_final, closes, set_up);
-  if (in_pieces || left - connection->left() < length) connection->end_request();  // perhaps nobody wanted it
+  if (in_pieces || left - connection->left() < length) connection->end_request();  // it may be unread
   if (!done || closes || is_last || is_final) return;
   connection->await_next();
   lobby_.enter(connection);

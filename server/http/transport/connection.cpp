@@ -14,9 +14,8 @@ namespace marble::server::http {
 namespace {
 
 constexpr std::chrono::milliseconds kStopCheck{200};
-constexpr std::size_t kFirstBuffer = 4096;  // bytes; it grows with a request's head
-constexpr int kSendBuffer =
-    256 << 10;  // bytes: a reader that is slower misses events instead of getting old ones
+constexpr std::size_t kFirstBuffer = 4096;  // bytes; grows with a request's head
+constexpr int kSendBuffer = 256 << 10;  // bytes: a slower reader misses events instead of getting old ones
 
 void address_of(const sockaddr_storage& address, socklen_t length, std::string& ip, int& port) {
   char host[NI_MAXHOST], service[NI_MAXSERV];
@@ -44,7 +43,8 @@ Connection::Connection(int socket, TlsSession session, Clock::duration line_time
 Connection::~Connection() {
   if (shaken_) SSL_shutdown(session_.get());
   ERR_clear_error();
-  // What was sent but not read is taken away: closing over it would tear down the answer on its way too.
+  // Data that was sent but not read is read and discarded: closing with it would also destroy the reply in
+  // transit.
   ::shutdown(socket_, SHUT_WR);
   const auto until = Clock::now() + kLinger;
   for (bool more = true; more;) {
@@ -117,8 +117,8 @@ Connection::Arrival Connection::receive() {
   return arrived_;
 }
 
-// A head as long as a request may be is not waited for any more. Nothing is looked at twice: who sends byte
-// by byte would else cost the square of them.
+// A head of the maximum length is not waited for any longer. No byte is examined twice: a client that sends
+// byte by byte would otherwise cost the square of the length.
 Connection::Arrival Connection::arrival() {
   const std::string_view here = received();
   const bool line = arrived_ == Arrival::line || here.find('\n', scanned_) != std::string_view::npos;

@@ -1,4 +1,4 @@
-// What the values of header fields are made of (RFC 9110, 5.6).
+// Parts of the values of header fields (RFC 9110, 5.6).
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace marble::server::http {
   });
 }
 
-/// Whether they are the same but for case; `lower` is in lower case.
+/// True if they are equal except for case; `lower` is in lower case.
 [[nodiscard]] inline bool equal(std::string_view text, std::string_view lower) {
   return std::ranges::equal(
       text, lower, [](unsigned char a, char b) { return std::tolower(a) == static_cast<unsigned char>(b); });

@@ -12,10 +12,10 @@ namespace marble::server::http {
 namespace {
 
 constexpr int kThousandths = 1000;
-constexpr std::size_t kMostDigits = 3;       // of a weight, behind its point
-constexpr int kGzipWindow = MAX_WBITS + 16;  // zlib's way to ask for gzip's frame
+constexpr std::size_t kMostDigits = 3;       // digits of a weight after its point
+constexpr int kGzipWindow = MAX_WBITS + 16;  // zlib's parameter for the gzip format
 
-// In thousandths, or nothing: "1", "0.5", "1.000".
+// In thousandths, or empty if invalid: "1", "0.5", "1.000".
 std::optional<int> weight_of(std::string_view text) {
   if (text.empty() || (text[0] != '0' && text[0] != '1')) return std::nullopt;
   int weight = (text[0] - '0') * kThousandths;

@@ -1,4 +1,4 @@
-// Answers in fewer bytes, for who takes them so. httplib's own compression would also unpack what comes in.
+// Compresses replies for clients that accept it. httplib's own compression would also decompress requests.
 #pragma once
 
 #include <string>
@@ -6,11 +6,12 @@
 
 namespace marble::server::http {
 
-/// Whether an Accept-Encoding field, its lines joined by commas, prefers gzip to what is not encoded (RFC
-/// 9110, 12.5.3). One that breaks the grammar accepts nothing.
+/// True if an Accept-Encoding field, its lines joined by commas, prefers gzip to no encoding (RFC 9110,
+/// 12.5.3). An invalid field accepts nothing.
 [[nodiscard]] bool accepts_gzip(std::string_view accept_encoding);
 
-/// The same bytes as a gzip file, packed fast rather than small; empty if there is no memory for it.
+/// Returns the bytes as a gzip file, compressed for speed rather than size; empty if there is no memory for
+/// it.
 [[nodiscard]] std::string gzip(std::string_view bytes);
 
 }  // namespace marble::server::http

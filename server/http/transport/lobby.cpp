@@ -44,7 +44,7 @@ void Lobby::wake() const {
 }
 
 void Lobby::run() {
-  std::vector<Guest> guests;  // in the order they came
+  std::vector<Guest> guests;  // in order of arrival
   while (take_newcomers(guests)) {
     guests.erase(
         std::remove_if(guests.begin(), guests.end(), [this](const Guest& guest) { return !look_at(guest); }),

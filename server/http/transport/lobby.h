@@ -1,5 +1,5 @@
-// Connections whose next request has not arrived yet. One thread waits for all of them, so that none holds a
-// thread of its own before it has asked for something.
+// Connections whose next request has not arrived yet. One thread waits for all of them, so that none has a
+// thread of its own before its request arrives.
 #pragma once
 
 #include <functional>
@@ -16,23 +16,24 @@ namespace marble::server::http {
 class Lobby {
  public:
   using Guest = std::shared_ptr<Connection>;
-  /// Called, on the lobby's thread, with each whose request is there, or as much of it as came in time.
+  /// Called on this object's thread with each connection whose request has arrived, or as much of it as
+  /// arrived in time.
   using Host = std::function<void(Guest)>;
 
-  /// At most `most` wait: one more, and the one that came first is closed.
+  /// At most `most` wait: beyond that, the one that came first is closed.
   Lobby(std::size_t most, Host host);
   ~Lobby();
   Lobby(const Lobby&) = delete;
   Lobby& operator=(const Lobby&) = delete;
 
   void enter(Guest guest) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Closes all of them, those to come too.
+  /// Closes all of them, including later ones.
   void close() ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   void run() ABSL_LOCKS_EXCLUDED(mutex_);
   void wait(const std::vector<Guest>& guests) const;
-  // False once the guest is no longer one.
+  // False once the connection no longer waits here.
   [[nodiscard]] bool look_at(const Guest& guest) const;
   [[nodiscard]] bool take_newcomers(std::vector<Guest>& guests) ABSL_LOCKS_EXCLUDED(mutex_);
   void wake() const;

@@ -15,7 +15,7 @@ bool is_length(std::string_view text) {
   return fault == std::errc() && end == text.data() + text.size() && text.front() != '-';
 }
 
-// Takes the next line off; none if what is left does not end as a line does.
+// Removes and returns the next line; empty if the rest has no valid line end.
 std::optional<std::string_view> next_line(std::string_view& rest) {
   const std::size_t end = rest.find('\n');
   if (end == std::string_view::npos || end == 0 || rest[end - 1] != '\r') return std::nullopt;

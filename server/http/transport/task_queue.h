@@ -18,7 +18,7 @@ class TaskQueue {
   TaskQueue(const TaskQueue&) = delete;
   TaskQueue& operator=(const TaskQueue&) = delete;
 
-  /// Beyond a bound the task is let go.
+  /// Beyond a bound the task is dropped.
   void enqueue(std::function<void()> task) ABSL_LOCKS_EXCLUDED(mutex_) {
     const MutexLock lock(mutex_);
     if (tasks_.size() >= std::max(kLeastBacklog, most_threads_)) return;

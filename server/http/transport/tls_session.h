@@ -22,7 +22,7 @@ class TlsSessions {
   TlsSessions(const Settings& settings, const Log& log, const std::string& address)
       : client_(client_certificate_of(settings)), keeper_(settings, log, address) {}
 
-  /// For one handshake, with the certificates of now; null if OpenSSL has no memory.
+  /// Starts one handshake with the current certificates; null if OpenSSL has no memory.
   [[nodiscard]] TlsSession begin(int socket) ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
@@ -33,8 +33,8 @@ class TlsSessions {
   std::shared_ptr<SSL_CTX> context_ ABSL_GUARDED_BY(mutex_);
 };
 
-/// The client's name in its verified certificate: the first DNS name, else the first URI, else the common
-/// name.
+/// Returns the client's name in its verified certificate: the first DNS name, else the first URI, else the
+/// common name.
 [[nodiscard]] std::optional<std::string> certificate_name(const SSL* session);
 
 }  // namespace marble::server::http
