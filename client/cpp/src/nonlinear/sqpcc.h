@@ -17,8 +17,8 @@
 
 namespace marble::nonlinear {
 
-/// What ends a level before its steps are zero: a measure of a plain subproblem's step, the radius not
-/// holding it back, of at most `reduction` times that of the level's first step, and `floor`.
+/// Ends a level before its steps are zero: the measure of a plain subproblem's step, which the radius does
+/// not limit, is at most `reduction` times that of the level's first step, plus `floor`.
 struct LevelTolerance {
   LevelTest test = LevelTest::merit;
   double reduction = 0.0;
