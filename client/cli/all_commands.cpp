@@ -1,4 +1,4 @@
-// All commands, as one program, which the program marble runs.
+// Provides all commands as one program, which the program marble runs.
 #include <csignal>
 #include <exception>
 #include <iostream>
@@ -14,7 +14,7 @@
 namespace marble::cli {
 namespace {
 
-// Arguments may be names of files that others chose.
+// Arguments may contain file names that others chose.
 int exit_of(const CLI::App& program, const CLI::ParseError& error) {
   std::stringstream faults;
   const int code = program.exit(error, std::cout, faults);
@@ -27,7 +27,7 @@ int exit_of(const CLI::App& program, const CLI::ParseError& error) {
 
 int main(int argc, char** argv) {
   using namespace marble::cli;
-  std::signal(SIGPIPE, SIG_DFL);  // marble example hopper | head ends quietly
+  std::signal(SIGPIPE, SIG_DFL);  // so that `marble example hopper | head` ends quietly
   if (ampl::is_ampl(argc, argv)) return ampl::drive(argc, argv);
   CLI::App program(
       "Solves quadratic programs with complementarity constraints, on a Marble server or in process.",

@@ -1,6 +1,6 @@
-// The program marble: solves JSON files in this process itself, and hands all else over to the program that
-// has every command. Loading what that one needs (gRPC, HDF5, ncurses and what these need) takes longer than
-// most solves.
+// The program marble: solves JSON files in this process, and executes the program with all commands for
+// everything else. Loading that program's libraries (gRPC, HDF5, ncurses and their dependencies) takes longer
+// than most solves.
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -26,7 +26,7 @@ bool is_json_file(const std::string& path) {
   return path.ends_with(".json") && std::filesystem::is_regular_file(path, failed);
 }
 
-// Nothing where this is another program's: other commands, help, usage that is wrong, servers, other files.
+// Returns nothing if the other program must run: other commands, help, wrong usage, servers, other files.
 std::optional<int> solve_json_here(int argc, char** argv) {
   if (argc < 2 || std::string_view(argv[1]) != "solve") return std::nullopt;
   CLI::App program;
@@ -46,7 +46,7 @@ std::optional<int> solve_json_here(int argc, char** argv) {
   return solve_files(*arguments, *options, {read_json_problem, solve_here});
 }
 
-// Returns only where it could not.
+// Returns only on failure.
 int hand_over(char** argv) {
   std::error_code failed;
   const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", failed);
@@ -61,7 +61,7 @@ int hand_over(char** argv) {
 
 int main(int argc, char** argv) {
   using namespace marble::cli;
-  std::signal(SIGPIPE, SIG_DFL);  // marble example hopper | head ends quietly
+  std::signal(SIGPIPE, SIG_DFL);  // so that `marble example hopper | head` ends quietly
   try {
     if (const auto exit_code = solve_json_here(argc, argv)) return *exit_code;
   } catch (const std::exception& error) {

@@ -24,7 +24,7 @@ std::string name_of(std::string path) {
   return std::filesystem::path(path).stem().string();
 }
 
-// Of a file whose ending says nothing.
+// Describes the known extensions, for a file with an unknown one.
 std::string known_endings(const std::string& extension) {
   std::string text =
       "what is read ends in .json, .pb, .bin, .npz, .mat or .nl, or is a folder of Matrix Market files";

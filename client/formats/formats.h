@@ -1,4 +1,4 @@
-// Every format that the tools read and write problems in, by the path's extension:
+// Reads and writes problems in every format of the tools, selected by the path's extension:
 //   .json, .pb, .bin  marble/problem_file.h      .npz  npz_problem.h      a folder, or NAME/  matrix_market.h
 //   .mat              mat_problem.h (read only)  .nl   nl_problem.h (read only)
 #pragma once
@@ -9,19 +9,19 @@
 
 namespace marble::formats {
 
-/// What is said where a file's maximum goes on as the problem that it becomes.
+/// The note on a file whose maximum becomes a problem that minimizes.
 inline constexpr const char* kNegativeOfMaximum = "is a maximum: its negative is minimized";
 
-/// "-" is standard input, JSON or binary. Errors name the field and the index as the format does, and the
-/// bound.
+/// Reads a file; "-" is standard input, JSON or binary. Errors name the field and the index in the format's
+/// own terms, and the bound.
 [[nodiscard]] Expected<ProblemFile> read_any_problem(const std::string& path);
 
-/// Whether the path names a format that can be written.
+/// Checks that the path names a format that can be written.
 [[nodiscard]] Expected<void> check_writable_format(const std::string& path);
-/// Errors: invalid_argument (the path names no format that can be written), unavailable (it cannot be
+/// Errors: invalid_argument (the path names no format that can be written), unavailable (the file cannot be
 /// written).
 [[nodiscard]] Expected<void> write_any_problem(const ProblemFile& file, const std::string& path);
-/// True if the format has a place for x0; best_known_objective has one in JSON alone.
+/// True if the format stores x0; only JSON stores best_known_objective.
 [[nodiscard]] bool keeps_initial_point(const std::string& path);
 
 }  // namespace marble::formats

@@ -1,4 +1,4 @@
-// Which server gets the next call. It knows how many calls each has under way, as a proxy does.
+// Selects the server of the next call. It knows only how many calls each has in progress, as a proxy does.
 #pragma once
 
 #include <random>
@@ -22,7 +22,7 @@ class Balancer {
   [[nodiscard]] int choose() {
     switch (kind_) {
       case Balance::least: {
-        // Of those with equally few it takes turns: the first that follows the last one taken.
+        // Rotates among the servers with the fewest calls: takes the first one after the last one taken.
         const int least = by_load_.begin()->first;
         auto next = by_load_.lower_bound({least, next_});
         if (next == by_load_.end() || next->first != least) next = by_load_.begin();

@@ -1,4 +1,4 @@
-// fleet_sim: one plan of a fleet, one line of JSON.
+// fleet_sim: simulates one plan of a fleet and prints one line of JSON.
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <fstream>
@@ -27,7 +27,7 @@ std::vector<Recorded> read_jobs(const std::string& path) {
   return jobs;
 }
 
-// As many quantiles as make a mean and a tail.
+// Enough quantiles for a mean and a tail.
 std::vector<double> lognormal_times(double mean_s, double variation) {
   const double sigma = std::sqrt(std::log1p(variation * variation));
   std::mt19937_64 random(7);

@@ -23,7 +23,7 @@ Instant instant(double s) {
 struct Job {
   int planner = 0;
   int server = 0;
-  double tick_s = 0.0;     // when the planner asked
+  double tick_s = 0.0;     // when the planner sent it
   double arrival_s = 0.0;  // at the server
   double service_s = 0.0;
 };
@@ -34,7 +34,7 @@ enum class Kind { tick, arrive, finish, answer, poll, open };
 
 struct Event {
   double time_s = 0.0;
-  std::uint64_t number = 0;  // what was made first goes first
+  std::uint64_t number = 0;  // older jobs go first
   Kind kind = Kind::tick;
   int planner = 0;
   JobPtr job;
@@ -51,9 +51,9 @@ struct Server {
 
 struct Planner {
   int server = -1;  // of its session
-  JobPtr waiting;   // its session's update, not begun
+  JobPtr waiting;   // its session's update that has not started
   bool running = false;
-  bool has_next = false;  // a tick came while the last one ran
+  bool has_next = false;  // a control step came while the last one ran
   double next_tick_s = 0.0;
 };
 
@@ -117,7 +117,7 @@ class Simulation {
     balancer_.add_server();
   }
 
-  // Sessions are long-lived: the balancer sees them as calls under way, and places each once.
+  // Sessions are long-lived: the balancer sees them as calls in progress, and places each once.
   void place_sessions() {
     if (!plan_.sessions) return;
     for (Planner& planner : planners_) {
@@ -167,7 +167,7 @@ class Simulation {
 
   void arrive(const JobPtr& job) {
     Planner& planner = planners_[job->planner];
-    if (plan_.sessions && planner.waiting) {  // takes the waiting one's place
+    if (plan_.sessions && planner.waiting) {  // replaces the waiting one
       if (counted(*planner.waiting)) ++outcome_.superseded;
       planner.waiting->tick_s = job->tick_s;
       return;
@@ -201,7 +201,7 @@ class Simulation {
       if (!job) return;
       Planner& planner = planners_[job->planner];
       if (plan_.sessions) planner.waiting.reset();
-      if (plan_.deadline_s > 0.0 && now_s_ > job->tick_s + plan_.deadline_s) {  // hopeless: told so, not run
+      if (plan_.deadline_s > 0.0 && now_s_ > job->tick_s + plan_.deadline_s) {  // too late: rejected, not run
         server.queue.done(job.get());
         if (counted(*job)) ++outcome_.late;
         leave(*job);
@@ -249,7 +249,7 @@ class Simulation {
     leave(*job);
   }
 
-  // The call is over for the balancer and for its planner.
+  // Ends the call for the balancer and for its planner.
   void leave(const Job& job) {
     if (!plan_.sessions) balancer_.end_call(job.server);
     if (plan_.rate_hz <= 0.0 && plan_.recorded.empty()) push(now_s_, Kind::tick, job.planner);

@@ -1,4 +1,4 @@
-// The command line of marble-load.
+// Parses the command line of marble-load.
 #pragma once
 
 #include <string>
@@ -22,24 +22,24 @@ struct Arguments {
   std::vector<std::string> options;  ///< NAME=VALUE
   Plan plan;
   RampPlan ramp;
-  std::vector<double> levels;        ///< of the capacity; empty unless it is about overload
-  std::vector<std::string> allowed;  ///< error codes that are no failures
+  std::vector<double> levels;        ///< multiples of the capacity; empty unless it measures overload
+  std::vector<std::string> allowed;  ///< error codes that do not count as failures
   bool json = false, quiet = false;
   std::string json_file, html_file, csv_file;
-  std::string command;  ///< as it was given
+  std::string command;  ///< the original command
 };
 
 enum ExitCode {
-  kGood = 0,         ///< every answer came and was right
-  kFailures = 1,     ///< errors, wrong answers or given-up requests; of a ramp: no rate held the objective
-  kBadInput = 2,     ///< usage, or a file that is wrong
-  kUnreachable = 3,  ///< the server is away, or refused a session
+  kGood = 0,         ///< every solution arrived and was correct
+  kFailures = 1,     ///< errors, wrong solutions or abandoned requests; of a ramp: no rate met the objective
+  kBadInput = 2,     ///< wrong usage, or an invalid file
+  kUnreachable = 3,  ///< the server is unreachable, or refused a session
 };
 
-/// Parses, or prints help or what is wrong; then false, and the exit code.
+/// Parses; on help or an error prints it and returns false and the exit code.
 [[nodiscard]] bool parse_arguments(int argc, char** argv, Arguments& arguments, int& exit_code);
 
-/// The scenario that they ask for. Errors: those of files, bad names, ranges.
+/// Returns the requested scenario. Errors: those of files, bad names, ranges.
 [[nodiscard]] Expected<Scenario> scenario_of(const Arguments& arguments);
 
 }  // namespace marble::load

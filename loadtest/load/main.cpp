@@ -38,7 +38,7 @@ bool write(const std::string& path, const std::string& content) {
   return false;
 }
 
-// Where a person looks on.
+// Prints a line for a person who watches.
 void tell_second(const Second& second) {
   std::fprintf(
       stderr, "\r%6.0f s  %8llu answers/s  %6llu errors/s  median %8.2f ms  p99 %8.2f ms  queued %d   ",
@@ -113,7 +113,7 @@ int run_program(Arguments& a) {
       [[nodiscard]] Json json() const { return json_report(subject, result); }
       [[nodiscard]] std::string html() const { return html_report(subject, result.steps.back().result); }
     };
-    if (result->steps.empty()) return kFailures;  // interrupted, or nothing was answered
+    if (result->steps.empty()) return kFailures;  // interrupted, or no results
     std::uint64_t failed = 0;
     for (const OverloadStep& step : result->steps) failed += failures(step.result, a.allowed);
     if (!write(a.csv_file, csv_report(*result))) return kBadInput;

@@ -1,5 +1,6 @@
-// What derivatives of an answer cost, beside a back-substitution as every step of a solve takes one (with its
-// refinement) and beside the tick that they come with. Each is timed in turns with them: machines are noisy.
+// Measures the cost of a solution's derivatives, relative to the back-substitution (with its refinement) of
+// every step of a solve, and to the control step that they come with. Measurements alternate because machines
+// are noisy.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -18,8 +19,8 @@ using namespace marble;
 
 constexpr Index kAsked = 32;  // rows, directions or losses at once
 
-/// Rows of the first variables, directions of the offsets b or losses of z: all dense enough to be no special
-/// case.
+/// Rows of the first variables, directions of the offsets b or losses of z: all dense enough not to be a
+/// special case.
 struct Asked {
   explicit Asked(const OwnedProblem& p) : b(p.b.size() * kAsked), z(p.g.size() * kAsked) {
     const auto n = static_cast<Index>(p.g.size());
@@ -40,7 +41,7 @@ struct Asked {
   SensitivityRequest rows, directions, losses;
 };
 
-/// Solves with the factor of a branch, over and over.
+/// Solves repeatedly with the factor of a branch.
 class BackSubstitution {
  public:
   BackSubstitution(const OwnedProblem& p, const Solution& answer)
@@ -71,7 +72,7 @@ class BackSubstitution {
   bool ready_ = false;
 };
 
-// Of this thread: other programs do not count.
+// For this thread: other programs do not count.
 double seconds(const auto& work) {
   const auto now = [] {
     timespec time{};

@@ -1,4 +1,4 @@
-// The solver's linear system: analysis, factorization, and solves with the factors.
+// Measures the solver's linear system: analysis, factorization, and solves with the factors.
 #include "kkt/kkt.h"
 
 #include <benchmark/benchmark.h>
@@ -16,7 +16,7 @@ ScaledProblem scaled(const OwnedProblem& problem) {
   return scale(Problem::create(problem.view()).value(), kScalingPasses);
 }
 
-// As in the middle of a solve: every row has a weight, every pair an angle.
+// Weights as in the middle of a solve: every row has a weight, every pair an angle.
 RowWeights weights_of(const ScaledProblem& problem) {
   RowWeights weights(problem);
   weights.rho = 1e6;

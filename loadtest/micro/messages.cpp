@@ -1,4 +1,4 @@
-// A request's way from bytes to a validated problem, and its answer's way back.
+// Measures the path of a request from bytes to a validated problem, and of its solution back.
 #include <benchmark/benchmark.h>
 
 #include "marble/convert.h"

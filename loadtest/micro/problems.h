@@ -1,4 +1,4 @@
-// The problems of the micro-benchmarks, by family and size.
+// Provides the problems of the micro-benchmarks, by family and size.
 #pragma once
 
 #include "marble/examples.h"
@@ -23,7 +23,7 @@ inline OwnedProblem gates(std::int64_t steps) {
   return examples::gates(parameters);
 }
 
-/// A fifth of the variables is the upper level's.
+/// A fifth of the variables belongs to the upper level.
 inline OwnedProblem qpec(std::int64_t variables) {
   examples::QpecParameters parameters;
   parameters.upper_variables = static_cast<Index>(variables) / 5;

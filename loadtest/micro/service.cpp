@@ -1,4 +1,4 @@
-// What the server does beside solving: the queue, and the publishing of progress.
+// Measures the server's work beside solving: the queue, and publishing progress.
 #include <benchmark/benchmark.h>
 
 #include <string>
@@ -13,7 +13,7 @@ namespace {
 using namespace marble;
 using server::JobQueue;
 
-// A job comes and the next one goes, in a queue that holds so many of so many clients.
+// One job is added and the next one removed, in a queue with the given numbers of jobs and clients.
 void BM_QueuePushPop(benchmark::State& state) {
   const auto waiting = state.range(0), clients = state.range(1);
   JobQueue<int> queue({.workers = 1, .jobs = 1 << 20, .bytes = std::int64_t{1} << 40});
@@ -56,7 +56,7 @@ Progress row_of(const std::vector<double>& z) {
   return progress;
 }
 
-// What an iteration costs the worker while somebody streams: of a slot, and of the job's record.
+// The worker's cost per iteration while a client streams: of a slot, and of the job's record.
 void BM_PublishToSlot(benchmark::State& state) {
   const std::vector<double> z(static_cast<std::size_t>(state.range(0)));
   const Progress progress = row_of(z);

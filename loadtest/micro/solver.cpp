@@ -1,4 +1,4 @@
-// Whole solves, by problem family and size: set-up and solve, cold, with default options.
+// Measures whole solves, by problem family and size: set-up and solve, cold, with default options.
 #include "marble/solver.h"
 
 #include <benchmark/benchmark.h>
@@ -21,7 +21,7 @@ void solve_repeatedly(benchmark::State& state, const OwnedProblem& p, const Opti
   count_work(state, s);
 }
 
-// min z₁² + z₂² − 2 z₁ − 2 z₂ + 2, 0 ≤ z₁ ⊥ z₂ ≥ 0: nothing but the cost of a solve itself.
+// min z₁² + z₂² − 2 z₁ − 2 z₂ + 2, 0 ≤ z₁ ⊥ z₂ ≥ 0: measures the fixed cost of a solve.
 void BM_Tiny(benchmark::State& state) {
   OwnedProblem p;
   p.g = {-2.0, -2.0};

@@ -1,5 +1,5 @@
-// One thing done once, for loadtest/perf/derivatives to count its instructions: a step's back-substitution
-// with its refinement, or as many derivatives of one kind as are wanted, at once.
+// Does one operation once, so that loadtest/perf/derivatives can count its instructions: a step's
+// back-substitution with its refinement, or the requested number of derivatives of one kind at once.
 //   derivative_costs FAMILY SIZE step|directions|losses COUNT
 #include <cmath>
 #include <cstdio>
@@ -29,7 +29,7 @@ std::vector<double> waves(std::size_t size) {
   return values;
 }
 
-/// Of what is counted; the counter is told its name.
+/// The measured function; the counter finds it by name.
 [[gnu::noinline]] void count_this(const std::function<bool()>& work) {
   if (!work()) std::abort();
 }
@@ -59,7 +59,7 @@ int ask(const OwnedProblem& p, const std::string& what, Index count) {
   if (what == "directions") request.directions = {count, {.g = g, .b = b}};
   if (what == "losses") request.losses = {count, {.z = g}};
   const auto work = [&] { return derivatives.answer(run, request).has_value(); };
-  if (!work()) return 1;  // its memory is there
+  if (!work()) return 1;  // allocates its memory
   const std::int32_t before = point.back_substitutions();
   count_this(work);
   std::printf("%.1f\n", static_cast<double>(point.back_substitutions() - before) / count);

@@ -1,4 +1,4 @@
-// Measures the service over real connections to a server process of its own, and prints tables.
+// Measures the service over real connections to a separate server process, and prints tables.
 #include <algorithm>
 #include <cstdio>
 #include <string>

@@ -1,4 +1,4 @@
-/* What marble_solve.m and marble_session.m call; see them. marble_mex(command, ...) with a problem as a
+/* Implements marble_solve.m and marble_session.m; see them. marble_mex(command, ...) with a problem as a
  * struct of sparse matrices and columns. */
 #include <marble.h>
 #include <mex.h>
@@ -7,7 +7,7 @@
 
 #define MOST_SESSIONS 64
 
-/* A handle is a number that no later session has: one that was closed stays closed. */
+/* A handle is a number that is never reused: a closed handle stays closed. */
 static marble_session* sessions[MOST_SESSIONS];
 static double handles[MOST_SESSIONS];
 static double last_handle = 0;
@@ -89,7 +89,7 @@ static void take_matrix(held* all, const char* name, const mxArray* array) {
 
 static int is_matrix(const char* name) { return strlen(name) == 1 && strchr("QACLR", name[0]) != NULL; }
 
-/* A struct's parts to the problem, and z0 to the call. */
+/* Copies a struct's parts to the problem, and z0 to the call. */
 static void take_problem(held* all, const mxArray* parts) {
   marble_error error;
   check(marble_problem_create(0, &all->problem, &error), &error, all);
@@ -191,7 +191,7 @@ void mexFunction(int results, mxArray** result, int count, const mxArray** given
       int place = 0;
       while (place < MOST_SESSIONS && sessions[place] != NULL) place++;
       if (place == MOST_SESSIONS) refuse("64 sessions are open", &all);
-      /* Without the call, which ends here: z0 comes with the first solve. */
+      /* Without the call, which ends here: z0 is sent with the first solve. */
       check(marble_session_open(NULL, all.problem, all.options, NULL, &sessions[place], &error), &error,
             &all);
       if (mxGetField(given[1], 0, "z0") != NULL) {

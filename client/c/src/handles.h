@@ -1,4 +1,4 @@
-// What stands behind the handles, and how their functions fail.
+// Defines the handles, and how their functions report errors.
 #pragma once
 
 #include <atomic>
@@ -19,9 +19,9 @@
 
 namespace marble::c {
 
-/// Who uses a handle: many readers or one that changes it; a lock that is only tried. Solves lend a handle's
-/// arrays to the solver, so a change from within a progress function or from another thread must fail. (A
-/// shared_mutex must not be tried again by the thread that holds it.)
+/// Tracks the users of a handle, many readers or one that changes it, as a lock that is only tried. Solves
+/// lend a handle's arrays to the solver, so a change from within a progress function or from another thread
+/// must fail. (The thread that holds a shared_mutex must not try it again.)
 class Usage {
  public:
   bool try_lock_shared() {
@@ -54,7 +54,7 @@ struct marble_options {
   marble::Options options;
 };
 
-/// Tells a C function of the rows.
+/// Reports the rows to a C function.
 class Teller final : public marble::ProgressSink {
  public:
   Teller(marble_progress_function function, void* user, std::stop_source stop)
@@ -67,7 +67,7 @@ class Teller final : public marble::ProgressSink {
   std::stop_source stop_;
 };
 
-/// A stop that any thread may request, a reset under way or not.
+/// A stop that any thread may request, even during a reset.
 class CallStop {
  public:
   [[nodiscard]] std::stop_source source() const {
@@ -104,7 +104,8 @@ struct marble_call {
   [[nodiscard]] bool wants_derivatives() const {
     return derivatives.directions > 0 || derivatives.losses > 0 || derivatives.E.rows > 0;
   }
-  /// What it says of a solve; it lends its arrays, and `wanted` becomes what it asks of derivatives.
+  /// Returns the controls of a solve; they borrow the call's arrays, and `wanted` is set to the requested
+  /// derivatives.
   [[nodiscard]] marble::SolveControls controls(marble::ProgressSink* progress,
                                                marble::SensitivityRequest& wanted) const {
     wanted = derivatives.view();
@@ -134,20 +135,20 @@ struct marble_solution {
 
 namespace marble::c {
 
-/// Fills `error`, where there is one, and returns its code.
+/// Fills `error`, if given, and returns its code.
 std::int32_t fault(const Error& reason, marble_error* error);
 
-/// MARBLE_OK, of no field.
+/// Returns MARBLE_OK with an empty field.
 [[nodiscard]] inline marble_error no_fault() {
   marble_error error = {};
   error.index = -1;
   return error;
 }
 
-/// An error that says that a parameter is NULL.
+/// Returns the error of a parameter that is NULL.
 [[nodiscard]] Error null(const char* parameter);
 
-/// Runs `work`, an Expected<void>. What it throws is a fault too: no exception goes through C.
+/// Runs `work`, an Expected<void>. Exceptions become errors too: none may pass through C.
 template <class Work>
 std::int32_t guarded(marble_error* error, const Work& work) {
   try {
@@ -162,10 +163,10 @@ std::int32_t guarded(marble_error* error, const Work& work) {
   }
 }
 
-/// An error that says that another call reads or changes a parameter.
+/// Returns the error of a parameter that another call reads or changes.
 [[nodiscard]] Error in_use(const char* parameter);
 
-/// Runs `work`, an Expected<void>, while no other call uses `handle`, which it changes.
+/// Runs `work`, an Expected<void>, which changes `handle`, while no other call uses it.
 template <class Handle, class Work>
 std::int32_t change(Handle* handle, const char* parameter, marble_error* error, const Work& work) {
   return guarded(error, [&]() -> Expected<void> {
@@ -176,30 +177,29 @@ std::int32_t change(Handle* handle, const char* parameter, marble_error* error, 
   });
 }
 
-/// Errors: invalid_argument where a count is negative or larger than an index can be.
+/// Errors: invalid_argument if a count is negative or larger than an index can be.
 [[nodiscard]] Expected<void> check_count(std::string field, std::int64_t count);
 
-/// The numbers a caller lends; an error where they are not there.
+/// Returns the caller's numbers as a span; an error if they are missing.
 [[nodiscard]] Expected<std::span<const double>> numbers(const double* values, std::int64_t count);
 
-/// What a caller has of numbers that are lent until they are found, and of those that never are.
+/// Clears borrowed numbers: the state before they are found, and on failure.
 template <class Number>
 void none_lent(const Number** values, std::int64_t* count) {
   if (values != nullptr) *values = nullptr;
   if (count != nullptr) *count = 0;
 }
 
-/// Takes a matrix that a caller lends. Errors: invalid_argument of fields like "Q.rows".
+/// Copies a caller's matrix. Errors: invalid_argument of fields such as "Q.rows".
 [[nodiscard]] Expected<void> set_matrix(SparseMatrix& matrix, const std::string& part, std::int32_t rows,
                                         std::int32_t columns, const std::int32_t* column_pointers,
                                         std::int64_t entries, const std::int32_t* row_indices,
                                         const double* values);
 
-/// Where an environment's MARBLE_SERVER says, and this process where it says nothing.
+/// Connects to `address`, by default to the server of MARBLE_SERVER, or to this process if it is unset.
 [[nodiscard]] Expected<Client> connect(const char* address, const Keepalive& keepalive = {});
 
-/// Gives `work`, which returns an Expected<void>, the client, or without one that of where MARBLE_SERVER
-/// says.
+/// Passes the client to `work`, which returns an Expected<void>; without a client, that of MARBLE_SERVER.
 template <class Work>
 Expected<void> with_client(const marble_client* client, const Work& work) {
   if (client != nullptr) return work(client->client);

@@ -10,7 +10,7 @@ using marble::c::null;
 
 namespace {
 
-// `work` is given the jobs of the client, or of where MARBLE_SERVER says.
+// Passes the jobs of the client, or of the server of MARBLE_SERVER, to `work`.
 template <class Work>
 std::int32_t with_jobs(const marble_client* client, const char* job_id, marble_error* error,
                        const Work& work) {

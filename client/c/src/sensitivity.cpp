@@ -15,7 +15,7 @@ namespace {
 using Derivatives = marble::OwnedSensitivityRequest;
 using Numbers = std::vector<double>;
 
-// Parts by their names in this interface.
+// Returns a part by its name in this interface.
 Numbers* part_of(Derivatives& asked, std::string_view name) {
 #define MARBLE_VECTOR(letter, field) \
   if (name == #letter) return &asked.numbers.letter;
@@ -63,7 +63,7 @@ Expected<const marble::SensitivityAnswer*> told(const marble_solution* solution)
   return &**sensitivity;
 }
 
-// Lends the share that number `at` of `count` has of what `find` knows by the name.
+// Lends item `at` of `count` items from the array that `find` returns for the name.
 template <class All, class Find>
 Expected<void> lend(const All& all, std::int32_t at, std::size_t count, const char* what, const char* name,
                     const char* parameter, const char* names, const Find& find, const double** values,
@@ -82,7 +82,7 @@ Expected<void> lend(const All& all, std::int32_t at, std::size_t count, const ch
   return {};
 }
 
-// Sets what `find` knows by the name for all of so many directions or losses.
+// Sets the array that `find` returns for the name, for the given number of directions or losses.
 template <class Forget, class Find>
 std::int32_t set_list(marble_call* call, std::int32_t number, const char* what, const char* name,
                       const char* parameter, const char* names, const double* values, std::int64_t count,

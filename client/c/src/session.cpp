@@ -10,9 +10,9 @@ using marble::c::null;
 struct marble_session {
   marble::Session session;
   marble::PartSizes sizes;
-  marble::OwnedProblem shape;  // its vectors alone: what a shift by stages needs to know
+  marble::OwnedProblem shape;  // its vectors alone: a shift by stages needs them
   marble_call* call;
-  // For the next solve.
+  // Changes for the next solve.
   marble::OwnedProblem numbers = {};
   std::optional<double> c0 = {};
   std::optional<marble::Options> options = {};
@@ -90,7 +90,7 @@ std::int32_t marble_session_set(marble_session* session, const char* part, const
       session->c0 = *values;
       return {};
     }
-    // Of no numbers nothing can be wrong but their count, and an update without them would be one of nothing.
+    // Empty arrays can only have a wrong count, and an update without them would be empty.
     const auto wrong_count = [&](std::size_t wanted) {
       return marble::invalid(name, std::to_string(count), "must have " + std::to_string(wanted) + " numbers");
     };

@@ -1,4 +1,4 @@
-// The command line that AMPL's solvers share: STUB -AMPL [NAME=VALUE ...].
+// Parses the command line that AMPL's solvers share: STUB -AMPL [NAME=VALUE ...].
 #pragma once
 
 #include <string>
@@ -10,39 +10,39 @@
 
 namespace marble::cli::ampl {
 
-/// What a front end asks for.
+/// The parsed command line.
 struct CommandLine {
   enum class Asks { solve, version, options };
   Asks asks = Asks::solve;
   std::string stub;        ///< the .nl file's path without its extension
-  bool from_ampl = false;  ///< -AMPL: nobody reads standard output, the message is in the .sol file
-  std::string sol_path;    ///< of -oFILE, else STUB.sol
+  bool from_ampl = false;  ///< -AMPL: no one reads standard output, the message is in the .sol file
+  std::string sol_path;    ///< from -oFILE, else STUB.sol
   std::vector<std::string> assignments;  ///< NAME=VALUE, in their order
 };
 
-/// Whether this is such a command line and none of a subcommand: -AMPL anywhere, or first -v, -= or -oFILE.
+/// True if this is such a command line and not a subcommand: -AMPL anywhere, or first -v, -= or -oFILE.
 [[nodiscard]] bool is_ampl(int argc, const char* const* argv);
 
-/// Errors: invalid_argument (a word that means nothing here, no stub).
+/// Errors: invalid_argument (an unknown word, no stub).
 [[nodiscard]] Expected<CommandLine> parse(int argc, const char* const* argv);
 
-/// What the assignments say; a later one counts.
+/// The settings of the assignments; a later one overrides.
 struct Settings {
   Options options;
-  nonlinear::Settings nonlinear;  ///< of a nonlinear file
+  nonlinear::Settings nonlinear;  ///< for a nonlinear file
   std::string server;             ///< empty, or "local": this process
-  bool tells = false;             ///< outlev: a row an iteration, on standard output
+  bool tells = false;             ///< outlev: a row per iteration, on standard output
 };
 
-/// "name=value", "name = value" or, of a switch, "name": of AMPL's option marble_options, words between
-/// blanks.
+/// Splits AMPL's option marble_options into words at blanks: "name=value", "name = value" or, for a switch,
+/// "name".
 [[nodiscard]] std::vector<std::string> assignments_of(const std::string& text);
 
-/// The names are those of the solver's options (marble options), those of nonlinear_words(), and `server` and
-/// `outlev`. Errors: invalid_argument, with the name.
+/// Applies assignments. The names are those of the solver's options (marble options), those of
+/// nonlinear_words(), and `server` and `outlev`. Errors: invalid_argument, with the name.
 [[nodiscard]] Expected<void> apply(const std::vector<std::string>& assignments, Settings& settings);
 
-/// For -=: the names and what they mean.
+/// Prints the names and their meanings, for -=.
 void print_options();
 
 }  // namespace marble::cli::ampl

@@ -40,12 +40,12 @@ using formats::NlProblem;
 using formats::SolFile;
 using formats::SolSuffix;
 
-// solve_result_num by AMPL's ranges: 0 solved, 100 solved?, 200 infeasible, 300 unbounded, 400 limit, 500
+// solve_result_num in AMPL's ranges: 0 solved, 100 solved?, 200 infeasible, 300 unbounded, 400 limit, 500
 // failure.
 enum Code {
-  kNotTaken = 510,  // the file, or what it asks for
+  kNotTaken = 510,  // an invalid file, or an invalid request
   kWrongOption = 520,
-  kNoAnswer = 530,  // of a server
+  kNoAnswer = 530,  // from a server
 };
 
 int code_of(Status status) {
@@ -96,7 +96,8 @@ SolSuffix suffix(const char* name, SolSuffix::Of of, const std::vector<double>& 
   return result;
 }
 
-// What proves that there is no answer, or how good it may get: dunbdd and unbdd are AMPL's names for rays.
+// Adds proofs that there is no solution, or bounds on the objective: dunbdd and unbdd are AMPL's names for
+// rays.
 void add_proofs(const NlProblem& nl, const Solution& s, SolFile& sol) {
   using Of = SolSuffix::Of;
   const auto variables = static_cast<std::size_t>(sol.variables);
@@ -129,7 +130,7 @@ void add_answer(const NlProblem& nl, const Solution& s, SolFile& sol) {
                  formats::sums(terms, static_cast<std::size_t>(sol.variables), multipliers, nl.sign())));
     };
     add("rc", [](const formats::DualTerm&) { return true; });
-    // As JuMP asks for them (MathOptInterface, FileFormats.NL).
+    // The names that JuMP reads (MathOptInterface, FileFormats.NL).
     add("lower_bound_duals", [](const formats::DualTerm& term) { return term.sign > 0.0; });
     add("upper_bound_duals", [](const formats::DualTerm& term) { return term.sign < 0.0; });
   }
@@ -198,7 +199,7 @@ void answer(const Nl& nl, const Settings& settings, SolFile& sol) {
   refuse(sol, found.error().code == ErrorCode::invalid_argument ? kNotTaken : kNoAnswer, found.error());
 }
 
-// What the .sol file is to say, as far as one can be written: the header tells the sizes.
+// Returns the content of the .sol file; possible only if the header with the sizes can be read.
 Expected<SolFile> run(const CommandLine& line) {
   const auto content = formats::read_bytes(line.stub + ".nl");
   if (!content) return unexpected(of_field(line.stub + ".nl", content.error()));
@@ -260,7 +261,7 @@ int drive(int argc, const char* const* argv) {
       [&] { return run(*line); },
       [] { return failure(ErrorCode::resource_exhausted, "is too large for the memory there is"); });
   if (!sol) return fails(sol.error());
-  if (!line->from_ampl) {  // for a person, or a reader of old that knows no such line
+  if (!line->from_ampl) {  // for a person, or a reader that does not know that line
     std::cout << sol->message << '\n';
     sol->code.reset();
   }

@@ -1,4 +1,4 @@
-// Apart from the other arguments: it alone needs gRPC.
+// Separate from the other arguments because only this file needs gRPC.
 #include <cerrno>
 #include <cstring>
 #include <fstream>

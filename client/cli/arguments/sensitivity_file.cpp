@@ -10,7 +10,7 @@ namespace {
 
 using Numbers = std::vector<double>;
 
-// Where the numbers of one part go, and how many it has in one direction or loss.
+// The destination of one part's numbers, and their count per direction or loss.
 struct Place {
   std::string_view name;
   Numbers* all;
@@ -34,7 +34,7 @@ Expected<Numbers> take_numbers(const Json& json, const std::string& field, std::
   return numbers;
 }
 
-// Of each direction or loss in the list its parts, one after the other, with zeros for the others.
+// Reads a list of directions or losses: for each its parts, one after the other, with zeros for the others.
 Expected<Index> take_list(const Json& json, const std::string& field, std::span<const Place> places) {
   if (!json.contains(field)) return 0;
   const Json& list = json[field];

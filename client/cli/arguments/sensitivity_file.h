@@ -1,4 +1,4 @@
-// What is asked of an answer's derivatives, as a file says it.
+// Reads a request for derivatives of a solution from a file.
 #pragma once
 
 #include <string>
@@ -10,7 +10,8 @@ namespace marble::cli {
 
 /// Parses the file. Errors: not_found, invalid_argument of field "--sensitivity".
 [[nodiscard]] Expected<Json> read_sensitivity(const std::string& path);
-/// What it asks of a problem. Errors: invalid_argument, of fields like "sensitivity.directions[0].b".
+/// Returns the request for a problem. Errors: invalid_argument, of fields such as
+/// "sensitivity.directions[0].b".
 [[nodiscard]] Expected<OwnedSensitivityRequest> sensitivity_of(const Json& json, const OwnedProblem& problem);
 
 }  // namespace marble::cli

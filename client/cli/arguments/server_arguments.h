@@ -1,4 +1,4 @@
-// What all commands share that talk to a server: which one, by what right, and in which form to print.
+// Provides the arguments of all commands that contact a server: address, credentials and output format.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -20,17 +20,17 @@ struct ServerArguments {
 void add_server_arguments(CLI::App& command, ServerArguments& arguments);
 [[nodiscard]] std::shared_ptr<ServerArguments> add_server_arguments(CLI::App& command);
 
-/// --priority, for commands that solve.
+/// Adds --priority, for commands that solve.
 void add_priority_argument(CLI::App& command, Priority& priority);
 
-/// Reads the token, and connects with the first call.
+/// Reads the token and creates the client, which connects with the first call.
 [[nodiscard]] Expected<Client> connect(const ServerArguments& arguments);
 
-/// Prints what is wrong with the server and returns the exit code for it.
+/// Prints an error of the server and returns its exit code.
 [[nodiscard]] int server_fails(const ServerArguments& arguments, const Error& error);
 
-/// Prints what is wrong with a job, or with the server, and returns the exit code for it. With `json` prints
-/// an object for the job too.
+/// Prints an error of a job or of the server and returns its exit code. With `json` also prints an object for
+/// the job.
 [[nodiscard]] int job_fails(const ServerArguments& arguments, const std::string& job_id, const Error& error);
 
 }  // namespace marble::cli

@@ -1,4 +1,4 @@
-// What `marble solve` is asked for.
+// Provides the arguments of `marble solve`.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -20,20 +20,20 @@ struct SolveArguments {
   bool local = false;
   bool quiet = false;
   std::string trace;        // empty: none is written
-  std::string sensitivity;  // empty: no derivatives are wanted
+  std::string sensitivity;  // empty: no derivatives are requested
   std::string bundle;       // empty: none is written
   std::string proof;        // empty: none is written
-  bool explains = false;    // as `marble explain`: rows and pairs count, objectives do not
+  bool explains = false;    // as `marble explain`: rows and pairs matter, objectives do not
   [[nodiscard]] bool json() const { return server.json(); }
-  /// Without a server.
+  /// True without a server.
   [[nodiscard]] bool here() const { return local || server.server == contract::local_address; }
 };
 
-/// Adds the subcommand `explain`, which does nothing yet.
+/// Adds the subcommand `explain`, without an action.
 [[nodiscard]] CLI::App* add_explain_command(CLI::App& program,
                                             const std::shared_ptr<SolveArguments>& arguments);
 
-/// Adds the subcommand `solve`, which does nothing yet.
+/// Adds the subcommand `solve`, without an action.
 [[nodiscard]] CLI::App* add_solve_command(CLI::App& program,
                                           const std::shared_ptr<SolveArguments>& arguments);
 

@@ -1,4 +1,4 @@
-// What all commands share that solve: the solver's options.
+// Provides the arguments of all commands that solve: the solver's options.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -19,10 +19,10 @@ void add_solver_arguments(CLI::App& command, SolverArguments& arguments);
 
 [[nodiscard]] Expected<Options> parse_options(const SolverArguments& arguments);
 
-/// A warning on standard error for each option that was given and changes nothing beside the others.
+/// Prints a warning on standard error for each given option that has no effect with the others.
 void warn_of_idle_options(const SolverArguments& arguments, const Options& options);
 
-/// Prints what is wrong with an option and returns the exit code for it.
+/// Prints an option's error and returns its exit code.
 [[nodiscard]] int option_fails(const Error& error);
 
 }  // namespace marble::cli

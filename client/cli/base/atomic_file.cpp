@@ -11,13 +11,13 @@
 namespace marble::cli {
 namespace {
 
-constexpr int kReadableByAll = 0666;  // less what the umask takes away
+constexpr int kReadableByAll = 0666;  // minus the umask
 
 Error cannot_write(const std::string& path) {
   return failure(ErrorCode::not_found, path, std::string("cannot be written: ") + std::strerror(errno));
 }
 
-// A link stays one: what it names is replaced.
+// A link stays a link: its target is replaced.
 std::filesystem::path target_of(const std::string& path) {
   std::error_code fault;
   const auto target = std::filesystem::weakly_canonical(path, fault);

@@ -1,4 +1,4 @@
-// A file that is there as a whole or not at all.
+// Provides a file that is written completely or not at all.
 #pragma once
 
 #include <cstdio>
@@ -10,17 +10,17 @@
 
 namespace marble::cli {
 
-/// Writes beside the file and takes its place at the end. What is no regular file (a pipe, a terminal) is
-/// written directly. Without commit() nothing is left, and an older file stays as it was.
+/// Writes beside the file and renames at the end. Anything but a regular file (a pipe, a terminal) is written
+/// directly. Without commit() nothing is left, and an older file stays unchanged.
 class AtomicFile {
  public:
-  /// Fails at once where nothing can be written. The error's field is the path.
+  /// Fails at once if the file cannot be written. The error's field is the path.
   [[nodiscard]] static Expected<AtomicFile> open(const std::string& path);
   AtomicFile(AtomicFile&& other) noexcept;
   AtomicFile& operator=(AtomicFile&&) = delete;
   ~AtomicFile();
 
-  /// Faults are told by commit().
+  /// commit() reports errors.
   void write(std::string_view bytes);
   [[nodiscard]] Expected<void> commit();
 

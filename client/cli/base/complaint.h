@@ -1,13 +1,13 @@
-// Errors for people, on standard error.
+// Prints errors for people on standard error.
 #pragma once
 
 #include <string_view>
 
 namespace marble::cli {
 
-/// "marble: WHAT". Text of others in it cannot steer the terminal.
+/// Prints "marble: WHAT". Text from others in it cannot control the terminal.
 void complain(std::string_view what);
-/// "marble: SUBJECT: WHAT"
+/// Prints "marble: SUBJECT: WHAT".
 void complain(std::string_view subject, std::string_view what);
 
 }  // namespace marble::cli

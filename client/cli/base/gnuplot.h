@@ -1,4 +1,4 @@
-// Pictures by gnuplot, where it is installed.
+// Draws pictures with gnuplot, if it is installed.
 #pragma once
 
 #include <functional>
@@ -11,26 +11,26 @@ namespace marble::cli {
 
 enum class PictureFormat { png, svg };
 
-/// By the end of the file's name, .png or .svg; none if it is another.
+/// Returns the format of the file's extension, .png or .svg; nothing for others.
 [[nodiscard]] std::optional<PictureFormat> picture_format(const std::string& path);
 
-/// gnuplot's commands that choose the format, and how all pictures look.
+/// Returns gnuplot's commands for the format and the common style of all pictures.
 [[nodiscard]] std::string gnuplot_style(PictureFormat format);
 
-/// The colour of the curve with that number, as gnuplot takes it; after some they begin again.
+/// Returns the colour of a curve in gnuplot's syntax; colours repeat after some curves.
 [[nodiscard]] std::string gnuplot_colour(std::size_t curve);
 
-/// A number as gnuplot reads it.
+/// Returns a number in gnuplot's syntax.
 [[nodiscard]] std::string gnuplot_number(double value);
 
-/// Text between single quotes: letters, digits and simple punctuation are kept.
+/// Returns text for single quotes: letters, digits and simple punctuation are kept.
 [[nodiscard]] std::string gnuplot_text(const std::string& text);
 
-/// Runs gnuplot, without a shell and without the user's settings; the picture's bytes. Errors: not_found if
-/// gnuplot is not installed, internal with its own words if it failed.
+/// Runs gnuplot without a shell and without the user's settings, and returns the picture's bytes. Errors:
+/// not_found if gnuplot is not installed, internal with its own message if it failed.
 [[nodiscard]] Expected<std::string> run_gnuplot(const std::string& script);
 
-/// Writes a picture as the file's name ends, .png or .svg; else CSV. The error's field is the file.
+/// Writes a picture if the file's extension is .png or .svg, else CSV. The error's field is the file.
 [[nodiscard]] Expected<void> write_figure(const std::string& path, const std::string& csv,
                                           const std::function<std::string(PictureFormat)>& script);
 

@@ -9,8 +9,8 @@
 namespace marble::cli {
 namespace {
 
-// All that a handler can reach and may touch. (Blocking the signal and waiting for it in one thread is not
-// enough: libraries start threads before main, and any of them may take the signal.)
+// The only objects that a signal handler can reach and may use. (Blocking the signal and waiting for it in
+// one thread is not enough: libraries start threads before main, and any of them may receive the signal.)
 sem_t woken;
 std::atomic<bool> interrupted = false;
 static_assert(std::atomic<bool>::is_always_lock_free);

@@ -1,4 +1,4 @@
-// Ctrl-C as a stop token.
+// Provides Ctrl-C as a stop token.
 #pragma once
 
 #include <stop_token>
@@ -6,8 +6,8 @@
 
 namespace marble::cli {
 
-/// While it lives, the first SIGINT stops the token and a second one ends the program as usual. One at a
-/// time. Does nothing where SIGINT is ignored (a background job of a script).
+/// During its lifetime the first SIGINT stops the token and a second one ends the program as usual. Only one
+/// may exist at a time. Has no effect if SIGINT is ignored (a background job of a script).
 class Interrupt {
  public:
   Interrupt();

@@ -1,4 +1,4 @@
-// The middle of numbers in any order.
+// Provides the median of numbers in any order.
 #pragma once
 
 #include <algorithm>
@@ -6,7 +6,7 @@
 
 namespace marble::cli {
 
-/// The mean of the two in the middle where they are even in number, 0 where there is none.
+/// Returns the median: the mean of the middle two for an even count, 0 for none.
 [[nodiscard]] inline double median(std::vector<double> values) {
   if (values.empty()) return 0.0;
   std::ranges::sort(values);

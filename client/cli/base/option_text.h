@@ -1,4 +1,4 @@
-// Option values for people, as the command line takes them.
+// Formats option values for people, as the command line accepts them.
 #pragma once
 
 #include <string>

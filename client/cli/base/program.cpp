@@ -25,7 +25,7 @@ struct CloseFile {
 };
 using File = std::unique_ptr<std::FILE, CloseFile>;
 
-// Files, not pipes: a program that writes much before it reads does not wait for us.
+// Files, not pipes: a program that writes much before it reads is not blocked.
 struct Streams {
   File in{std::tmpfile()}, out{std::tmpfile()}, err{std::tmpfile()};
   [[nodiscard]] bool open() const { return in && out && err; }
@@ -40,7 +40,7 @@ std::string content_of(std::FILE* file) {
   return content;
 }
 
-// errno of a failure.
+// Returns errno on failure.
 int spawn(const std::vector<std::string>& words, const Streams& streams, bool own_group, pid_t& child) {
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
@@ -66,7 +66,7 @@ int wait_for(pid_t child) {
   return status;
 }
 
-// Whether it had to be killed. A stop token wakes nobody here, so it is looked at now and then.
+// Returns whether it had to be killed. A stop token cannot wake this thread, so it is polled.
 bool outlives(pid_t child, const ProgramLimits& limits) {
   constexpr double kLookEvery = 0.1;
   const int handle = static_cast<int>(syscall(SYS_pidfd_open, child, 0U));

@@ -1,4 +1,4 @@
-// Other programs, run without a shell.
+// Runs other programs without a shell.
 #pragma once
 
 #include <optional>
@@ -10,8 +10,8 @@
 
 namespace marble::cli {
 
-/// When a program is ended that has not ended by itself. With either it runs in a process group of its own,
-/// which is killed as a whole.
+/// Conditions that end a running program. With either, it runs in its own process group, which is killed as a
+/// whole.
 struct ProgramLimits {
   std::optional<double> seconds;  ///< after its start
   std::stop_token stop;           ///< Ctrl-C
@@ -19,12 +19,12 @@ struct ProgramLimits {
 
 struct ProgramEnd {
   bool well = false;    ///< it exited with 0
-  bool killed = false;  ///< for a limit
+  bool killed = false;  ///< because of a limit
   std::string out, err;
 };
 
 /// Runs words[0], found by PATH, to its end. Errors: not_found if there is no such program, internal if the
-/// system has no place for it.
+/// system lacks resources for it.
 [[nodiscard]] Expected<ProgramEnd> run_program(const std::vector<std::string>& words,
                                                const std::string& input, const ProgramLimits& limits = {});
 

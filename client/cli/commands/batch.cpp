@@ -25,7 +25,8 @@ struct BatchArguments {
   Priority priority = Priority::by_method;
 };
 
-// Reads file after file as the server takes them, and tells answers as they come: two threads, one lock.
+// Reads one file after the other as the server accepts them, and prints solutions as they arrive: two
+// threads, one lock.
 class BatchRun {
  public:
   BatchRun(const BatchArguments& arguments, const Options& options)
@@ -36,7 +37,7 @@ class BatchRun {
         [this] { return next(); },
         [this](std::int64_t tag, const Expected<RemoteSolution>& answer) { tell(tag, answer); },
         {.priority = arguments_.priority, .stop = stop});
-    // One outcome a file, also of those that were not reached: programs count the lines.
+    // One line per file, also for files that were not reached: programs count the lines.
     const MutexLock lock(mutex_);
     Error unreached = done ? Error{} : done.error();
     if (unreached.code == ErrorCode::cancelled) unreached.bound = "not solved: interrupted before";
@@ -95,7 +96,7 @@ class BatchRun {
   const Options& options_;
   Mutex mutex_;
   std::size_t next_ ABSL_GUARDED_BY(mutex_) = 0;
-  ProblemFile file_ ABSL_GUARDED_BY(mutex_);  // lent to the batch until it asks for the next one
+  ProblemFile file_ ABSL_GUARDED_BY(mutex_);  // borrowed by the batch until it requests the next one
   std::map<std::int64_t, Subject> subjects_ ABSL_GUARDED_BY(mutex_);
   int exit_code_ ABSL_GUARDED_BY(mutex_) = kAllSolved;
 };

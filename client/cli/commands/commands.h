@@ -1,4 +1,4 @@
-// The subcommands. Each adds itself to the program and leaves its exit code in `exit_code` when it ran.
+// Declares the subcommands. Each adds itself to the program and sets `exit_code` when it has run.
 #pragma once
 
 #include <CLI/CLI.hpp>

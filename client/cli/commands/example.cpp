@@ -13,7 +13,7 @@ namespace {
 
 struct ExampleArguments {
   std::string name;
-  int steps = 0;  // 0: the example's own
+  int steps = 0;  // 0: the example's default
   std::uint64_t seed = 0;
   bool published = false;
 };

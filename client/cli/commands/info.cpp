@@ -36,7 +36,7 @@ int run(const ServerArguments& arguments) {
     return kAllSolved;
   }
   for (const auto& [key, value] : json.items()) {
-    if (value.empty() || value == "") continue;  // the server does not say
+    if (value.empty() || value == "") continue;  // the server does not report it
     const std::string text = without_controls(value.is_string() ? value.get<std::string>() : value.dump());
     std::printf("%-20s %s\n", key.c_str(), text.c_str());
   }

@@ -1,5 +1,5 @@
-// A closed loop as a controller would run it: the plan's first step is followed, the next plan starts from
-// it.
+// Runs a closed loop as a controller would: the first step of the plan is followed, and the next plan starts
+// there.
 #include <chrono>
 #include <cstdio>
 #include <iostream>
@@ -42,7 +42,7 @@ struct Tick {
   double round_trip_ms = 0.0;
 };
 
-// The vectors that are not as they were; the matrices stay, as the horizon moves.
+// Returns the vectors that differ; the matrices stay the same as the horizon moves.
 ProblemUpdate difference(const OwnedProblem& before, const OwnedProblem& now) {
   ProblemUpdate update;
   const auto changed = [](const std::vector<double>& a, const std::vector<double>& b) {
@@ -59,7 +59,7 @@ ProblemUpdate difference(const OwnedProblem& before, const OwnedProblem& now) {
   return update;
 }
 
-// What of it the measured state does not change, ahead. The rest stays for the tick.
+// Sends the part that does not depend on the measured state ahead. The rest is sent in the control step.
 Expected<void> prepare(Session& session, ProblemUpdate& update, UpdateControls& controls) {
   ProblemUpdate first = update;
   first.b = {};
@@ -94,7 +94,7 @@ void tell_tick(const MpcArguments& arguments, int number, const Tick& tick) {
   std::fflush(stdout);
 }
 
-// Without the first tick, which has nothing to start from.
+// Excludes the first control step, which has no solution to start from.
 void tell_summary(const MpcArguments& arguments, const Session& session, const std::vector<Tick>& ticks) {
   std::vector<double> factorizations, solve_ms, round_trip_ms;
   for (std::size_t i = 1; i < ticks.size(); ++i) {
@@ -131,7 +131,7 @@ int run_loop(const MpcArguments& arguments, Session& session, examples::HopperPa
   OwnedProblem next;
   for (int number = 0; number <= arguments.ticks; ++number) {
     UpdateControls of_tick = controls;
-    // The time between two ticks is the controller's own.
+    // The time between two control steps belongs to the controller.
     const auto prepared = arguments.prepare ? prepare(session, update, of_tick) : Expected<void>();
     if (!prepared) return worse(exit_code, fails(arguments, prepared.error()));
     const auto begin = std::chrono::steady_clock::now();
@@ -150,7 +150,7 @@ int run_loop(const MpcArguments& arguments, Session& session, examples::HopperPa
     parameters = examples::advance(parameters, plan.z);
     next = examples::hopper(parameters);
     update = difference(problem, next);
-    std::swap(problem, next);  // moves no array: the update goes on viewing the newer one
+    std::swap(problem, next);  // moves no array: the update still views the newer one
     if (!arguments.cold) controls.shift = Shift::by_stage(problem.view(), arguments.steps).value();
   }
   tell_summary(arguments, session, ticks);
@@ -178,7 +178,7 @@ int run(const MpcArguments& arguments) {
   auto session = client->open_session(problem.view(), *options, wanted);
   if (!session) return fails(arguments, session.error());
   const int exit_code = run_loop(arguments, *session, parameters, problem);
-  if (session->is_open()) static_cast<void>(session->close());  // everything is answered
+  if (session->is_open()) static_cast<void>(session->close());  // every update has its solution
   return exit_code;
 }
 

@@ -21,7 +21,7 @@ std::string range(const OptionInfo& option) {
   return names;
 }
 
-/// A row of the table in core/OPTIONS.md.
+/// Prints a row of the table in core/OPTIONS.md.
 void print_markdown(const OptionInfo& option) {
   std::string doc;
   for (const char c : option.doc) doc.append(c == '|' ? "\\|" : std::string(1, c));

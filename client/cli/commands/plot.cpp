@@ -24,7 +24,7 @@ struct PlotArguments {
   std::string trace;
   std::string output;
   bool terminal = false;
-  std::vector<std::string> columns;  // empty: those of the trace's kind
+  std::vector<std::string> columns;  // empty: the default of the trace's kind
   std::string along;                 // likewise
 };
 
@@ -52,7 +52,7 @@ Columns chosen(const std::vector<std::string>& names) {
   return columns;
 }
 
-// What is drawn of a trace.
+// The part of a trace to draw.
 struct Drawing {
   std::vector<Progress> rows;
   const ProgressColumn& x;

@@ -1,5 +1,5 @@
-// The tables and figures of "Complementarity by Construction", one of "Retrospective Approximation" and two
-// of "ALADIN-β", with this program in the place of their authors'.
+// Reproduces the tables and figures of "Complementarity by Construction", one of "Retrospective
+// Approximation" and two of "ALADIN-β" with this program instead of their authors'.
 #include <iostream>
 #include <map>
 #include <memory>
@@ -26,8 +26,8 @@ struct ReproduceArguments : ComparisonArguments {
   nonlinear::LevelTest test = nonlinear::LevelTest::merit;
 };
 
-// This solver as it is; the printed algorithm with the constants, tolerances and first regularization of its
-// authors' code (include/solver.h of their repository); and Algorithm 1 to the letter.
+// This solver with its defaults; the printed algorithm with the constants, tolerances and first
+// regularization of its authors' code (include/solver.h of their repository); and Algorithm 1 to the letter.
 const std::vector<std::string> kOwn = {
     "marble",
     "authors: path=paper polish=false scaling_passes=0 local_search_budget=0 rho_initial=10 kappa_min=1e-7 "
@@ -79,7 +79,7 @@ std::vector<ProblemFile> table_one() {
   return problems;
 }
 
-// The paper's three, ours, and some that have no structure.
+// The paper's three families, ours, and some without structure.
 std::vector<ProblemFile> families() {
   std::vector<ProblemFile> problems = table_one();
   const auto add = [&problems](OwnedProblem problem) {
@@ -92,7 +92,7 @@ std::vector<ProblemFile> families() {
   return problems;
 }
 
-// As the authors' code judges its own answers.
+// The criteria that the authors' code applies to its own solutions.
 void judge_as_authors(ComparisonArguments& arguments) {
   arguments.settings.tolerance = 1e-4;
   arguments.settings.pairs = PairMeasure::product;
@@ -112,7 +112,7 @@ int fails(const std::string& message) {
   return kBadInput;
 }
 
-// By the authors' constants, on both paths alike.
+// Uses the authors' constants on both paths.
 int reproduce_retraction(const ReproduceArguments& arguments, const std::vector<ProblemFile>& files) {
   const auto contestants = contestants_of(arguments, {kOwn[1]});
   if (!contestants) return option_fails(contestants.error());
@@ -128,13 +128,13 @@ int reproduce_retraction(const ReproduceArguments& arguments, const std::vector<
   return kAllSolved;
 }
 
-// Of a problem and of settings of its own.
+// True if the arguments select other problems or settings.
 bool has_others(const ReproduceArguments& a) {
   return !(a.files.empty() && a.with.empty() && a.methods.empty() && a.peers.empty() && a.recorded.empty() &&
            a.solver.options.empty() && a.solver.time_limit_s.empty());
 }
 
-// Prints a table with what there is to say of it, and writes the files that are asked for.
+// Prints a table with its summary, and writes the requested files.
 int tell(const ReproduceArguments& arguments, const TextTable& table, const std::string& said,
          const std::string& csv, const std::function<std::string(PictureFormat)>& picture) {
   std::cout << table.text() << said << std::flush;

@@ -32,7 +32,7 @@ std::string about(double wait_s) {
   return text;
 }
 
-// The place in the queue, for a person who waits.
+// Prints the position in the queue for a waiting person.
 void tell_place(CallControls& call) {
   const auto job = std::make_shared<std::string>();
   call.accepted = [job](const std::string& job_id, int position, double wait_s) {
@@ -66,7 +66,7 @@ Expected<Answer> solve_there(const SolveArguments& arguments, const Client& clie
   return answer;
 }
 
-// Tells another, and keeps the rows.
+// Forwards rows to another sink, and keeps them.
 class KeptRows final : public ProgressSink {
  public:
   KeptRows(ProgressSink* next, v1::Trace* trace) : next_(next), trace_(trace) { trace_->set_stride(1); }
@@ -82,13 +82,13 @@ class KeptRows final : public ProgressSink {
 
 using Solve = std::function<Expected<Answer>(const OwnedProblem&, const Options&, const SolveControls&)>;
 
-// Solves, and writes a bundle of it, whatever came of it.
+// Solves, and writes a bundle of the solve whatever its result.
 Solve with_bundle(const SolveArguments& arguments, const Client* server, Solve solve) {
   return [&arguments, server, solve = std::move(solve)](const OwnedProblem& problem, const Options& options,
                                                         const SolveControls& given) -> Expected<Answer> {
     Bundle bundle;
     tell_build(&bundle.facts);
-    if (server != nullptr) {  // another process's, perhaps another machine's
+    if (server != nullptr) {  // the server is another process, perhaps on another machine
       const auto info = server->info();
       bundle.facts.set_version(info ? info->version : "unknown");
       bundle.facts.set_build("a server's build");
@@ -110,7 +110,7 @@ Solve with_bundle(const SolveArguments& arguments, const Client* server, Solve s
     auto answer = solve(problem, options, controls);
     v1::SolveResponse response;
     if (answer) {
-      if (answer->progress_skipped > 0) job->clear_trace();  // with gaps nobody can tell where
+      if (answer->progress_skipped > 0) job->clear_trace();  // with gaps the positions of rows are unknown
       to_message(*answer, response.mutable_solution());
       to_message(options, response.mutable_solution()->mutable_options());
       response.SerializeToString(&bundle.answer);
@@ -128,7 +128,7 @@ Solve with_bundle(const SolveArguments& arguments, const Client* server, Solve s
   };
 }
 
-// The words that are of nonlinear files alone are no solver's options.
+// The words for nonlinear files only are not options of the solver.
 Expected<Options> options_of_lcqps(SolverArguments arguments) {
   std::erase_if(arguments.options, [](const std::string& word) {
     return word.find('=') != std::string::npos && is_nonlinear_word(word.substr(0, word.find('=')));
@@ -148,7 +148,7 @@ Expected<nonlinear::Settings> nonlinear_settings(const SolverArguments& argument
   return settings;
 }
 
-// An .nl file that is no LCQP; nothing of any other file.
+// Solves an .nl file that is not an LCQP; returns nothing for any other file.
 std::optional<int> solve_nonlinear_file(const SolveArguments& arguments, nonlinear::Settings settings,
                                         const std::string& path, std::stop_token stop) {
   if (!path.ends_with(".nl")) return std::nullopt;

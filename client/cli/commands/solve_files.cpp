@@ -20,7 +20,7 @@
 namespace marble::cli {
 namespace {
 
-// Who is told of each iteration: the person, the trace, both or nobody.
+// Forwards each iteration to the terminal, the trace, both or neither.
 class Listeners final : public ProgressSink {
  public:
   Listeners(bool tells, TraceWriter* trace) : table_(colours_wanted()), tells_(tells), trace_(trace) {}
@@ -37,7 +37,7 @@ class Listeners final : public ProgressSink {
   TraceWriter* trace_;
 };
 
-// Nothing is left of the file where nothing was proved.
+// Removes the file if nothing was proved.
 Expected<void> save_proof(AtomicFile& file, const Proof& proof, const OwnedProblem& problem,
                           const Options& options, const Solution& solution) {
   if (proof.claim == Proof::Claim::none)
@@ -46,7 +46,8 @@ Expected<void> save_proof(AtomicFile& file, const Proof& proof, const OwnedProbl
   return file.commit();
 }
 
-// The point nearest to 0 takes its place: any will do, and a convex problem is proved more often.
+// Replaces the objective by the distance to 0: any would do, and proofs succeed more often for a convex
+// problem.
 void leave_objective_out(OwnedProblem& p) {
   const auto n = static_cast<Index>(p.g.size());
   Triplets diagonal;
@@ -77,7 +78,7 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
                          .stop = std::move(stop),
                          .initial_z = file->problem.initial_z,
                          .activity = display ? display->monitor() : nullptr};
-  std::optional<ProblemNames> names;  // read before a solve that may take long: they may be wrong
+  std::optional<ProblemNames> names;  // read before a solve that may take long, because they may be invalid
   if (options.explain && means.names) {
     auto read = means.names(path, file->problem);
     if (!read) return tell_error(arguments, path, file->problem.name, read.error(), false);
@@ -118,7 +119,7 @@ int argument_fails(const Error& error) {
   return kBadInput;
 }
 
-// One problem's, of this process's solver: a server's answer has no room for it.
+// Opens the proof of one problem, solved in this process: a server's response has no field for it.
 Expected<std::optional<AtomicFile>> open_proof(const SolveArguments& arguments) {
   if (arguments.proof.empty()) return std::nullopt;
   if (arguments.files.size() > 1) {
@@ -131,7 +132,7 @@ Expected<std::optional<AtomicFile>> open_proof(const SolveArguments& arguments) 
   return std::optional<AtomicFile>(std::move(*file));
 }
 
-// Opened before anything is solved, so that a long solve is not lost for a path mistyped.
+// Opens the trace before anything is solved, so that a mistyped path does not waste a long solve.
 Expected<std::optional<TraceWriter>> open_trace(const SolveArguments& arguments) {
   if (arguments.trace.empty()) return std::nullopt;
   if (arguments.files.size() > 1) {
@@ -175,7 +176,7 @@ int solve_files(const SolveArguments& arguments, const Options& options, const S
   const Interrupt interrupt;
   int exit_code = kAllSolved;
   for (const std::string& path : arguments.files) {
-    // One outcome a file, also after Ctrl-C: programs count the lines.
+    // One result per file, also after Ctrl-C: programs count the lines.
     const int outcome =
         interrupt.token().stop_requested()
             ? tell_error(arguments, path, "", failure(ErrorCode::cancelled, "not solved: interrupted before"),
@@ -184,7 +185,7 @@ int solve_files(const SolveArguments& arguments, const Options& options, const S
                          *proof ? &**proof : nullptr, *sensitivity, interrupt.token());
     exit_code = worse(exit_code, outcome);
   }
-  if (*trace && (*trace)->rows() > 0) {  // else nothing was solved, as was told
+  if (*trace && (*trace)->rows() > 0) {  // else nothing was solved, as was reported
     if (auto written = (*trace)->commit(); !written)
       exit_code = worse(exit_code, argument_fails(written.error()));
   }

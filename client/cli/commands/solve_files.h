@@ -1,4 +1,4 @@
-// Solving files one after the other, wherever that is done.
+// Solves files one after the other, in process or on a server.
 #pragma once
 
 #include <functional>
@@ -13,26 +13,26 @@
 
 namespace marble::cli {
 
-/// How a file becomes a problem, and a problem an answer.
+/// How to read a file as a problem, and how to solve it.
 struct SolveMeans {
   std::function<Expected<ProblemFile>(const std::string& path)> read;
   std::function<Expected<Answer>(const OwnedProblem&, const Options&, const SolveControls&)> solve;
   bool remote = false;  ///< errors of `solve` may be the server's
-  /// What a file calls its parts, for a conflict; none where it is empty.
+  /// The file's names of its parts, for a conflict; may be empty.
   std::function<Expected<ProblemNames>(const std::string& path, const OwnedProblem&)> names = {};
-  /// For a file that `read` does not take: the outcome, once it is solved and told of, or nothing.
+  /// For a file that `read` rejects: solves and reports it and returns the exit code, or returns nothing.
   std::function<std::optional<int>(const std::string& path, std::stop_token stop)> otherwise = {};
 };
 
-/// In this process. The solver's own contract: one that is stopped answers with its best iterate.
+/// Solves in this process, by the solver's own contract: a stopped solve returns its best iterate.
 [[nodiscard]] Expected<Answer> solve_here(const OwnedProblem& problem, const Options& options,
                                           const SolveControls& controls);
 
-/// Tells of a file without an answer; the exit code. `remote`: the error may be the server's.
+/// Reports a file without a solution; returns the exit code. `remote`: the error may be the server's.
 int tell_error(const SolveArguments& arguments, const std::string& file, const std::string& name,
                const Error& error, bool remote);
 
-/// Solves and tells of each; the exit code.
+/// Solves and reports each file; returns the exit code.
 [[nodiscard]] int solve_files(const SolveArguments& arguments, const Options& options,
                               const SolveMeans& means);
 

@@ -15,7 +15,7 @@
 namespace marble::cli {
 namespace {
 
-// Where a problem lies for peers.
+// The file that peers read the problem from.
 class SharedFile {
  public:
   explicit SharedFile(const ProblemFile& problem) {

@@ -1,4 +1,4 @@
-// What `compare` and `reproduce` are asked for alike, and what they do with it.
+// Provides the common arguments of `compare` and `reproduce`, and their processing.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -19,14 +19,14 @@ struct ComparisonArguments {
 
 void add_comparison_arguments(CLI::App& command, ComparisonArguments& arguments);
 
-/// Those that are asked for: `own` where there is none of --with and --methods, else these; then the peers.
+/// Returns the requested contestants: those of --with and --methods, or `own` without either; then the peers.
 [[nodiscard]] Expected<std::vector<Contestant>> contestants_of(const ComparisonArguments& arguments,
                                                                const std::vector<std::string>& own);
 
-/// Reads them all, or says which cannot be.
+/// Reads all files, or reports which one cannot be read.
 [[nodiscard]] Expected<std::vector<ProblemFile>> read_all(const std::vector<std::string>& paths);
 
-/// Compares, prints and writes; the exit code.
+/// Compares, prints and writes; returns the exit code.
 [[nodiscard]] int compare_and_tell(const ComparisonArguments& arguments,
                                    const std::vector<ProblemFile>& problems,
                                    const std::vector<Contestant>& contestants, const std::string& title);

@@ -57,7 +57,7 @@ std::string last_line(const std::string& text) {
   return last;
 }
 
-// What a peer printed; whatever is not as it should be is a fault of the peer's.
+// Reads a peer's output; any malformed output is a fault of the peer.
 Attempt read_answer(const std::string& out, std::size_t variables, double wall_s) {
   const nlohmann::json answer = parsed<nlohmann::json>(last_line(out));
   if (!answer.is_object())

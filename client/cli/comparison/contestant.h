@@ -1,4 +1,4 @@
-// Who is asked to solve: this solver by some options, or somebody else's program.
+// Provides contestants: this solver with some options, or another program.
 #pragma once
 
 #include <stop_token>
@@ -12,9 +12,8 @@
 
 namespace marble::cli {
 
-/// A shell's command that is given the problem's JSON file as its last word, and prints one line of JSON when
-/// it is done: {"status": "...", "z": [...], "seconds": 0.1}. MARBLE_TIME_LIMIT_S in its environment says how
-/// long it may take.
+/// A shell command whose last word is the problem's JSON file. It prints one line of JSON when it is done:
+/// {"status": "...", "z": [...], "seconds": 0.1}. MARBLE_TIME_LIMIT_S in its environment is its time limit.
 struct Peer {
   std::string command;
 };
@@ -24,23 +23,23 @@ struct Contestant {
   std::variant<Options, Peer> solver;
 };
 
-/// "NAME: OPTION=VALUE ...", without options the defaults. The error's field is `flag`.
+/// Parses "NAME: OPTION=VALUE ..."; without options the defaults. The error's field is `flag`.
 [[nodiscard]] Expected<Contestant> contestant_by_options(const std::string& flag, const std::string& text,
                                                          const Options& base);
-/// "NAME: COMMAND".
+/// Parses "NAME: COMMAND".
 [[nodiscard]] Expected<Contestant> contestant_by_command(const std::string& flag, const std::string& text);
 
-/// One solve of one problem by one of them.
+/// One solve of one problem by one contestant.
 struct Attempt {
-  std::string status;     ///< its own word; "failed" where there is no answer
-  std::string fault;      ///< why there is none
+  std::string status;     ///< the contestant's own word; "failed" without a solution
+  std::string fault;      ///< the reason if there is no solution
   std::vector<double> z;  ///< empty if there is none
-  double seconds = 0.0;   ///< as told by itself, else of the whole program
+  double seconds = 0.0;   ///< as the contestant reports, else of the whole program
   int iterations = 0;     ///< of this solver
   int factorizations = 0;
 };
 
-/// `file` holds the problem for peers. A peer is killed when it takes much longer than the limit.
+/// Solves once. `file` holds the problem for peers. A peer that takes much longer than the limit is killed.
 [[nodiscard]] Attempt attempt(const Contestant& contestant, const OwnedProblem& problem,
                               const std::string& file, double time_limit_s, const std::stop_token& stop);
 

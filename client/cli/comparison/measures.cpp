@@ -18,7 +18,7 @@ std::vector<double> rows_at(const SparseMatrix& m, const std::vector<double>& of
   return rows;
 }
 
-// zᵀQz, whether Q is given in full or by its upper triangle.
+// zᵀQz, with Q given in full or by its upper triangle.
 double quadratic(const OwnedProblem& p, std::span<const double> z) {
   const bool half = p.hessian_form == HessianForm::upper_triangle;
   double sum = 0.0;

@@ -1,4 +1,4 @@
-// A conflict as a person reads it: each part by its name, with the numbers of its row.
+// Formats a conflict for people: each part with its name and the numbers of its row.
 #pragma once
 
 #include <optional>
@@ -16,21 +16,21 @@ namespace marble::cli {
 struct ConflictLine {
   std::string kind;  ///< "equality", "inequality", "left side", "right side", "complementarity"
   Index index = 0;   ///< of its row or pair
-  std::string name;  ///< the file's, else "A[3]", "C[3]", "pair[3]"
+  std::string name;  ///< from the file, else "A[3]", "C[3]", "pair[3]"
   std::string text;  ///< "x + 2 y = 4", "gap >= 0", "gap = 0 or force = 0"
-  std::optional<double> relax = {};  ///< by how much less it must ask for so that the others have a point
+  std::optional<double> relax = {};  ///< by how much to relax it so that the others have a common point
 };
 
-/// `certificate`: of the solution; where the conflict needs no complementarity it says how far to relax.
+/// `certificate` is the solution's; it gives `relax` if the conflict needs no complementarity.
 [[nodiscard]] std::vector<ConflictLine> conflict_lines(const OwnedProblem& problem, const ProblemNames& names,
                                                        const Conflict& conflict,
                                                        std::span<const double> certificate);
 
-/// Several lines, the last one with a line break.
+/// Returns several lines, the last one with a line break.
 [[nodiscard]] std::string conflict_text(const Conflict& conflict, const std::vector<ConflictLine>& lines);
 
-/// {equalities, inequalities, left_sides, right_sides, complementarities, minimal, detail, linear_programs,
-/// factorizations} and, where there are lines, parts: [{kind, index, name, text, relax}].
+/// Returns {equalities, inequalities, left_sides, right_sides, complementarities, minimal, detail,
+/// linear_programs, factorizations} and, if there are lines, parts: [{kind, index, name, text, relax}].
 [[nodiscard]] Json conflict_json(const Conflict& conflict, const std::vector<ConflictLine>& lines);
 
 }  // namespace marble::cli

@@ -26,7 +26,7 @@ Expected<std::vector<std::string>> texts(const Json& names, const char* key, std
   return result;
 }
 
-// The member "names" alone is kept of the text, so that memory is in proportion to it.
+// Keeps only the member "names" of the text, so that memory is proportional to it.
 Json names_member(const std::string& text) {
   bool too_deep = false;
   const auto keep = [&](int depth, Json::parse_event_t event, Json& parsed) {

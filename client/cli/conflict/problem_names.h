@@ -1,4 +1,4 @@
-// What a file calls the variables, rows and pairs of its problem.
+// Provides a file's names of the variables, rows and pairs of its problem.
 #pragma once
 
 #include <string>
@@ -9,18 +9,18 @@
 
 namespace marble::cli {
 
-/// Names in the problem's order; empty, or fewer than there are, where they are not known.
+/// Names in the problem's order; empty, or fewer than there are, if they are unknown.
 struct ProblemNames {
   std::vector<std::string> variables = {}, equalities = {}, inequalities = {}, pairs = {};
 };
 
-/// Of the text of a JSON file: its key "names", {"variables", "equalities", "inequalities", "pairs"}, each an
-/// array of as many texts as the problem has. None without the key, or if it is no JSON. Errors:
-/// invalid_argument, fields "names", "names.pairs" and such. Memory and time are in proportion to the text.
+/// Reads the key "names" of a JSON file's text, {"variables", "equalities", "inequalities", "pairs"}, each an
+/// array of as many texts as the problem has. Empty without the key, or if the text is not JSON. Errors:
+/// invalid_argument, fields "names", "names.pairs" and such. Memory and time are proportional to the text.
 [[nodiscard]] Expected<ProblemNames> names_of_json(const std::string& text, const OwnedProblem& problem);
 
-/// Of a JSON file names_of_json() of its text; of an .nl file those of the .row and .col files beside it.
-/// None of others. Errors: as names_of_json() has them, and of files that cannot be read.
+/// Reads the names of a JSON file as names_of_json(), or of an .nl file from the .row and .col files beside
+/// it. Empty for others. Errors: as names_of_json(), and for files that cannot be read.
 [[nodiscard]] Expected<ProblemNames> names_of_file(const std::string& path, const OwnedProblem& problem);
 
 }  // namespace marble::cli

@@ -1,4 +1,4 @@
-// What is told of a nonlinear problem that is solved: rows as it goes, then a summary or a JSON line.
+// Reports the solve of a nonlinear problem: rows as it runs, then a summary or a JSON line.
 #pragma once
 
 #include <cstdio>
@@ -9,10 +9,10 @@
 
 namespace marble::cli {
 
-/// A row an iteration.
+/// Prints a row per iteration.
 class NonlinearTable {
  public:
-  /// `sign`: what the objective is multiplied by to be the file's.
+  /// `sign`: factor from the objective to the file's objective.
   NonlinearTable(double sign, bool colours, std::FILE* to) : sign_(sign), colours_(colours), to_(to) {}
   void report(const nonlinear::Iteration& iteration);
 
@@ -23,17 +23,17 @@ class NonlinearTable {
   int rows_ = 0;
 };
 
-/// By the file's own variables and constraints, signs as AMPL has them.
+/// Vectors for the file's own variables and constraints, with AMPL's signs.
 struct NonlinearVectors {
   std::vector<double> x, duals, reduced_costs, lower_bound_duals, upper_bound_duals;
   [[nodiscard]] static NonlinearVectors of(const formats::NlNonlinear& nl, const nonlinear::Answer& answer);
 };
 
-/// Several lines: status, objective, violation, work, time.
+/// Returns several lines: status, objective, violation, work, time.
 [[nodiscard]] std::string summary(const formats::NlNonlinear& nl, const nonlinear::Answer& answer,
                                   double seconds);
 
-/// One JSON object without a line break.
+/// Returns one JSON object without a line break.
 [[nodiscard]] std::string json_line(const std::string& file, const formats::NlNonlinear& nl,
                                     const nonlinear::Answer& answer, double seconds);
 

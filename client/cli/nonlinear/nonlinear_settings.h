@@ -1,4 +1,4 @@
-// Settings of the loop that solves nonlinear problems, as words name=value.
+// Provides the settings of the nonlinear loop as words name=value.
 #pragma once
 
 #include <span>
@@ -9,7 +9,7 @@
 
 namespace marble::cli {
 
-/// What may be set beside the options of each LCQP.
+/// A setting beside the options of each LCQP.
 struct NonlinearWord {
   const char* name;
   const char* doc;
@@ -18,8 +18,8 @@ struct NonlinearWord {
 [[nodiscard]] std::span<const NonlinearWord> nonlinear_words();
 [[nodiscard]] bool is_nonlinear_word(std::string_view name);
 
-/// One of nonlinear_words(), or an option of each LCQP; but time_limit_s is of all of them. Errors:
-/// invalid_argument, with the name.
+/// Sets one of nonlinear_words(), or an option of each LCQP; time_limit_s applies to all of them together.
+/// Errors: invalid_argument, with the name.
 [[nodiscard]] Expected<void> set_nonlinear_text(nonlinear::Settings& settings, const std::string& name,
                                                 const std::string& value);
 

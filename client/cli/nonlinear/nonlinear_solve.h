@@ -1,4 +1,4 @@
-// A nonlinear .nl file's problem, solved here or on a server.
+// Solves the problem of a nonlinear .nl file, in process or on a server.
 #pragma once
 
 #include "arguments/server_arguments.h"
@@ -7,7 +7,8 @@
 
 namespace marble::cli {
 
-/// `server` is null, or names one: else in this process. Errors tell constraints by the file's names.
+/// `server` is null, or names a server: null solves in this process. Errors name constraints as the file
+/// does.
 [[nodiscard]] Expected<nonlinear::Answer> solve_nonlinear(const formats::NlNonlinear& nl,
                                                           const nonlinear::Settings& settings,
                                                           const ServerArguments* server);

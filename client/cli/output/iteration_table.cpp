@@ -28,7 +28,7 @@ void IterationTable::heading(const char* names) {
     std::fprintf(to_, "%s%s%s\n", colours_ ? kBold : "", names, colours_ ? kPlain : "");
 }
 
-// Rounds of nodes come by the thousand: what they have changed is told a few times a second.
+// There are thousands of rounds of nodes: their changes are reported a few times a second.
 void IterationTable::tree_row(const Progress& p) {
   const bool better = p.incumbent < told_.incumbent;
   if (told_.nodes > 0 && !better && p.elapsed_s < told_.elapsed_s + kBetweenTreeRows_s) return;
@@ -80,7 +80,7 @@ void IterationTable::report(const Progress& p) {
   heading(
       " iter      objective  equality  inequal.  complem.  residual     kappa      rho    step regular.  "
       "fact");
-  // A raised regularization is where a solve has trouble: make it stand out.
+  // A raised regularization indicates trouble: it is highlighted.
   const bool trouble = colours_ && p.regularization > kTroublesomeRegularization;
   std::fprintf(to_, "%s%5d %14.7e %9.2e %9.2e %9.2e %9.2e %9.2e %8.1e %7.4f %8.1e %5d%s\n",
                trouble ? kYellow : "", p.iteration, of_file(p.objective), p.violations.equality,

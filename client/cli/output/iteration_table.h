@@ -1,5 +1,5 @@
-// The iteration table, for local and remote solves alike: one row an iteration. Of a tree (option global) one
-// with columns of its own, where the incumbent is better or a while has passed.
+// Prints the iteration table of local and remote solves: one row per iteration. For a tree (global search)
+// the columns differ, and a row is printed when the incumbent improves or some time has passed.
 #pragma once
 
 #include <chrono>
@@ -13,19 +13,19 @@
 
 namespace marble::cli {
 
-/// Whether standard error is a terminal that wants colours (NO_COLOR is not set).
+/// True if standard error is a terminal and colours are allowed (NO_COLOR is not set).
 [[nodiscard]] bool colours_wanted();
 
 class IterationTable final : public ProgressSink {
  public:
   explicit IterationTable(bool colours, std::FILE* to = stderr) : colours_(colours), to_(to) {}
-  /// What is solved minimizes the negative of a maximum: objectives and bounds are printed as the maximum's.
+  /// The solver minimizes the negative of a maximum: objectives and bounds are printed as the maximum's.
   void set_maximize(bool maximize) { sign_ = maximize ? -1.0 : 1.0; }
   void report(const Progress& progress) override;
-  /// What the solve is doing, from any thread, where nothing was written for half a second: on a terminal in
-  /// a line that the next row replaces, else in a line of its own every two seconds at most.
+  /// Shows the solve's current activity, from any thread, if nothing was written for half a second: on a
+  /// terminal in a line that the next row replaces, else in a separate line every two seconds at most.
   void show(const std::string& activity);
-  /// Takes that line away.
+  /// Removes that line.
   void clear();
 
  private:
@@ -40,15 +40,15 @@ class IterationTable final : public ProgressSink {
   std::FILE* to_;
   double sign_ = 1.0;   // of objectives
   int rows_ = 0;        // since the last heading of its kind
-  bool tree_ = false;   // of what kind that was
-  Progress told_ = {};  // the newest row that was written
+  bool tree_ = false;   // the kind of that heading
+  Progress told_ = {};  // the last row that was written
   std::mutex mutex_;
-  bool open_line_ = false;  // there is one without an end
-  std::string shown_;       // what was in the last such line
+  bool open_line_ = false;  // the current line has no end yet
+  std::string shown_;       // the content of the last such line
   std::chrono::steady_clock::time_point written_ = std::chrono::steady_clock::now();
 };
 
-/// Shows what a solve is doing in a table while it lives, wherever its rows are silent.
+/// Shows a solve's activity in a table during its lifetime, whenever its rows are silent.
 class ActivityDisplay {
  public:
   explicit ActivityDisplay(IterationTable& table);

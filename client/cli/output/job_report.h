@@ -1,4 +1,4 @@
-// What is told of a job: cells of a table, a line of text, a JSON object.
+// Formats a job: cells of a table, a line of text, a JSON object.
 #pragma once
 
 #include <string>
@@ -9,13 +9,13 @@
 
 namespace marble::cli {
 
-/// "solved", "error: deadline_exceeded", or "-" while there is none.
+/// Returns "solved", "error: deadline_exceeded", or "-" before the end.
 [[nodiscard]] std::string ending(const JobInfo& job);
 
-/// Seconds in few characters: "12 ms", "3.4 s", "5 min", "2 h", "3 d".
+/// Returns seconds in few characters: "12 ms", "3.4 s", "5 min", "2 h", "3 d".
 [[nodiscard]] std::string duration_text(double seconds);
 
-/// How long ago the job was accepted, by this machine's clock.
+/// Returns the time since the job was accepted, by this machine's clock.
 [[nodiscard]] std::string age_text(const JobInfo& job);
 
 [[nodiscard]] std::string sizes_text(const JobInfo& job);  ///< "n/n_e/n_i/n_c"
@@ -23,7 +23,7 @@ namespace marble::cli {
 [[nodiscard]] Json to_json(const JobInfo& job);
 [[nodiscard]] Json to_json(const Progress& row);
 
-/// Exit code of a command that waited for this job, which has finished.
+/// Returns the exit code of a command that waited for this job, which has finished.
 [[nodiscard]] int exit_code_of(const JobInfo& job);
 
 }  // namespace marble::cli

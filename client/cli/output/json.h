@@ -1,4 +1,4 @@
-// What programs read: one JSON object a line.
+// Provides output for programs: one JSON object per line.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -9,12 +9,12 @@
 
 namespace marble::cli {
 
-using Json = nlohmann::ordered_json;  // keys stay in the order in which they were written
+using Json = nlohmann::ordered_json;  // keys stay in the order of insertion
 
-/// What is made of a text follows its nesting on the stack wherever it is copied or written.
+/// Copying and writing a parsed document recurses on the stack as deep as its nesting.
 inline constexpr int kDeepestJson = 64;
 
-/// A text of JSON; discarded where it is none, or nested deeper than kDeepestJson.
+/// Parses a text as JSON; discarded if it is invalid, or nested deeper than kDeepestJson.
 template <class Document = Json>
 [[nodiscard]] Document parsed(std::string_view text) {
   bool too_deep = false;
@@ -29,8 +29,8 @@ template <class Document = Json>
 /// {code, field, index, value, bound, message}.
 [[nodiscard]] Json to_json(const Error& error);
 
-/// What Progress, Solution and JobInfo tell of a tree (option global): bound, gap, nodes, open_nodes and,
-/// where they have them, incumbent and warm_nodes. JSON has no infinity: what is not known is null.
+/// Adds the tree's values of Progress, Solution and JobInfo (global search): bound, gap, nodes, open_nodes
+/// and, if present, incumbent and warm_nodes. JSON has no infinity: unknown values are null.
 template <class Told>
 void add_tree(const Told& told, Json& json) {
   if constexpr (requires { told.incumbent; }) json["incumbent"] = told.incumbent;
@@ -41,8 +41,8 @@ void add_tree(const Told& told, Json& json) {
   if constexpr (requires { told.warm_nodes; }) json["warm_nodes"] = told.warm_nodes;
 }
 
-/// Without a line break; bytes that are no UTF-8, as file names may hold, are replaced, and control
-/// characters escaped.
+/// Returns the JSON without a line break; bytes that are not UTF-8, which file names may contain, are
+/// replaced, and control characters escaped.
 [[nodiscard]] std::string line(const Json& json);
 
 }  // namespace marble::cli

@@ -1,4 +1,4 @@
-// How far the search for the global optimum has come (option global), in words.
+// Describes the progress of a global search in words.
 #pragma once
 
 #include <cstdint>
@@ -11,9 +11,9 @@
 
 namespace marble::cli {
 
-/// What an answer or a job tells of its tree.
+/// The tree's values in a solution or a job.
 struct Proof {
-  std::optional<Status> status;  ///< none while it goes on
+  std::optional<Status> status;  ///< none while it runs
   bool proved = false;
   double bound = 0.0, gap = 0.0;
   std::int64_t nodes = 0, open_nodes = 0;
@@ -28,10 +28,10 @@ template <class Told>
 /// "not proved: bound -4.25, gap 6.1e-02, 1,204 nodes, 37 open"; empty without a tree.
 [[nodiscard]] std::string proof_text(const Proof& proof);
 
-/// "1,204".
+/// Returns a number such as "1,204".
 [[nodiscard]] std::string whole_text(std::int64_t count);
 
-/// Nodes a second at the newest row, over the last tenth of the time; none without a tree.
+/// Returns nodes per second at the newest row, over the last tenth of the time; nothing without a tree.
 [[nodiscard]] std::optional<double> nodes_per_s(std::span<const Progress> rows);
 
 }  // namespace marble::cli

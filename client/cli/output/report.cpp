@@ -21,7 +21,7 @@ __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ..
   return text;
 }
 
-// A detail's part by its number, from 0; empty beyond the last.
+// Returns a detail's part by its number, from 0; empty beyond the last.
 std::string part_of(const std::string& detail, int number) {
   std::size_t begin = 0;
   for (; number > 0; --number) {
@@ -32,8 +32,8 @@ std::string part_of(const std::string& detail, int number) {
   return detail.substr(begin, detail.find("; ", begin) - begin);
 }
 
-// With option global a detail begins with what came of the tree, if only why there was none. That of a small
-// problem's tree comes last: its answer is the local one, unless the tree has found a better one.
+// With global search a detail begins with the tree's result, if only why there was none. For a small
+// problem's tree it comes last: the solution is the local one, unless the tree has found a better one.
 bool begins_with_proof(const Answer& s) {
   return s.detail.starts_with("proved by ") || s.detail.starts_with("not proved");
 }
@@ -53,7 +53,7 @@ std::string proof_line(const Subject& p, const Answer& s) {
   return begins_with_proof(s) ? "  proof           " + without_controls(part_of(s.detail, 0)) + "\n" : "";
 }
 
-// Names and details may be of any length: they are never formatted.
+// Names and details may be of any length: they never pass through a format.
 std::string headline(const Subject& p, const Answer& s) {
   return without_controls(p.name) + ": " + to_string(s.status) +
          format("  (%zu variables, %zu equalities, %zu inequalities, %zu pairs)\n", p.variables, p.equalities,

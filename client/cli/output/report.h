@@ -1,4 +1,4 @@
-// What is told of one solved file: a summary for people, a JSON line for programs.
+// Reports a solved file: a summary for people, a JSON line for programs.
 #pragma once
 
 #include <optional>
@@ -12,35 +12,35 @@
 
 namespace marble::cli {
 
-/// An answer from here or from a server; the job is empty if from here.
+/// A solution from this process or from a server; the job id is empty in process.
 using Answer = RemoteSolution;
 
-/// What is known of the problem that was solved.
+/// Information about the solved problem.
 struct Subject {
   std::string name;
-  std::string file = {};  ///< empty if it was none
+  std::string file = {};  ///< empty if there was no file
   std::size_t variables = 0, equalities = 0, inequalities = 0, pairs = 0;
   std::optional<double> best_known_objective = {};
   bool maximize = false;                    ///< the file's objective is the negative of the problem's
-  Options options = {};                     ///< that it was solved by, as far as they are known
-  std::vector<ConflictLine> conflict = {};  ///< of an answer that has one, where the file is at hand
+  Options options = {};                     ///< used for the solve, as far as known
+  std::vector<ConflictLine> conflict = {};  ///< of a solution that has one, if the file is available
 
-  /// An objective of the problem, or a bound of it, as the file has it.
+  /// Converts an objective of the problem, or a bound on it, to the file's objective.
   [[nodiscard]] double of_file(double objective) const { return maximize ? 0.0 - objective : objective; }
 };
 [[nodiscard]] Subject subject_of(const std::string& path, const ProblemFile& file, const Options& options);
 
-/// Several lines: status, objective, the kind of answer, violations, work, times, what to try. Objective and
-/// bound are the file's.
+/// Returns several lines: status, objective, the kind of solution, violations, work, times, advice. Objective
+/// and bound are the file's.
 [[nodiscard]] std::string summary(const Subject& subject, const Answer& answer);
 
-/// What `marble explain` prints: the conflict, or why there is none.
+/// Returns the output of `marble explain`: the conflict, or why there is none.
 [[nodiscard]] std::string explanation(const Subject& subject, const Answer& answer);
 
-/// One JSON object without a line break. Objective and bound are the file's; multipliers those of the
-/// problem, which has the negative objective where "maximize" is true.
+/// Returns one JSON object without a line break. Objective and bound are the file's; multipliers are those of
+/// the problem, which has the negative objective if "maximize" is true.
 [[nodiscard]] std::string json_line(const Subject& subject, const Answer& answer);
-/// The same for a file without an answer; `name` is empty if it is not known.
+/// The same for a file without a solution; `name` is empty if it is unknown.
 [[nodiscard]] std::string json_line(const std::string& file, const std::string& name, const Error& error);
 
 }  // namespace marble::cli

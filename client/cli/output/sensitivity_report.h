@@ -1,4 +1,4 @@
-// How an answer changes with its problem, for people and for programs.
+// Reports a solution's derivatives, for people and for programs.
 #pragma once
 
 #include <string>
@@ -8,9 +8,9 @@
 
 namespace marble::cli {
 
-/// What of an answer's derivatives fits one line; empty where none were asked for.
+/// Returns a one-line summary of a solution's derivatives; empty if none were requested.
 [[nodiscard]] std::string sensitivity_text(const Solution& answer);
-/// All of them: an object; null where none were asked for.
+/// Returns all derivatives as an object; null if none were requested.
 [[nodiscard]] Json sensitivity_json(const Solution& answer);
 
 }  // namespace marble::cli

@@ -1,4 +1,4 @@
-// Columns of text, as wide as they need to be, and what their cells hold.
+// Prints columns of text, as wide as needed, and formats their cells.
 #pragma once
 
 #include <string>
@@ -7,23 +7,23 @@
 
 namespace marble::cli {
 
-/// Text of others on this terminal, without_controls(); what is longer than `longest` characters is cut and
-/// ends in ….
+/// Returns text from others for this terminal, without_controls(); text longer than `longest` characters is
+/// cut and ends in ….
 [[nodiscard]] std::string terminal_text(std::string_view text, std::size_t longest = 1000);
 
-/// A number as a pattern of printf says.
+/// Formats a number by a printf pattern.
 [[nodiscard]] std::string formatted(const char* pattern, double value);
 
 enum class TableFormat { text, markdown, csv };
 
-/// By the end of the file's name, .md or .csv; text else.
+/// Returns the format of the file's extension, .md or .csv; otherwise text.
 [[nodiscard]] TableFormat table_format(const std::string& path);
 
 class TextTable {
  public:
   explicit TextTable(std::vector<std::string> header) : rows_{std::move(header)} {}
   void add(std::vector<std::string> row) { rows_.push_back(std::move(row)); }
-  /// A line a row, two spaces between columns.
+  /// Returns a line per row, two spaces between columns.
   [[nodiscard]] std::string text() const;
   [[nodiscard]] std::string as(TableFormat format) const;
 

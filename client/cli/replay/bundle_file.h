@@ -1,4 +1,4 @@
-// Replay bundles as files.
+// Stores replay bundles in files.
 #pragma once
 
 #include <string>
@@ -8,12 +8,12 @@
 
 namespace marble::cli {
 
-/// Errors: not_found (it cannot be written), and what write_bundle() says.
+/// Errors: not_found (the file cannot be written), and those of write_bundle().
 [[nodiscard]] Expected<void> save_bundle(const Bundle& bundle, const std::string& path);
-/// The same of what a server told.
+/// The same for the parts that a server sent.
 [[nodiscard]] Expected<void> save_bundle(const JobBundle& parts, const std::string& path);
 
-/// Errors: not_found (it cannot be read), and what read_bundle() says.
+/// Errors: not_found (the file cannot be read), and those of read_bundle().
 [[nodiscard]] Expected<Bundle> load_bundle(const std::string& path);
 
 }  // namespace marble::cli

@@ -16,7 +16,7 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using google::protobuf::Reflection;
 
-// Memory depends on what the server's limits allow.
+// Memory depends on the server's limits.
 constexpr std::array<std::string_view, 5> kOfARun = {"times", "options", "elapsed_s", "seconds",
                                                      "memory_bytes"};
 
@@ -147,7 +147,7 @@ class Comparison {
   }
 };
 
-// Where row `k` of a trace stands among all rows; -1 if that cannot be told.
+// Returns the position of row `k` of a trace among all rows; -1 if it is unknown.
 std::int64_t place_of(const v1::Trace& trace, int k, bool finished, std::int64_t rows) {
   const std::int64_t stride = std::max(1, trace.stride()), at = k * stride;
   if (k + 1 < trace.rows_size() || stride == 1) return at;
@@ -184,7 +184,7 @@ std::vector<Difference> differences(const v1::Trace& before, bool finished,
     }
   }
   const std::int64_t kept = before.rows_size();
-  // With a stride the last row ends the trace somewhere behind the one before.
+  // With a stride, the last row may have any distance from the one before.
   const std::int64_t least = (kept - 2) * stride + 2, most = (kept - 1) * stride + 1;
   const bool fits = count >= std::min(least, most) && (count <= most || !finished);
   if (kept > 0 && !fits)

@@ -1,4 +1,4 @@
-// What two answers or two traces do not have in common, bit for bit.
+// Finds the differences of two solutions or two traces, bit for bit.
 #pragma once
 
 #include <string>
@@ -9,21 +9,21 @@
 
 namespace marble::cli {
 
-/// Of one field, or of one column of a trace.
+/// A difference in one field, or in one column of a trace.
 struct Difference {
   std::string field;                  ///< "z", "scenarios.levels[2].objective", "trace.kkt_residual"
-  std::int64_t index = -1;            ///< of the first entry, or row, that differs; -1 of a single value
-  std::string before = {}, now = {};  ///< there
-  std::int64_t entries = 1;           ///< that differ
-  double largest = 0.0;               ///< difference of two numbers that are finite
+  std::int64_t index = -1;            ///< of the first different entry or row; -1 for a single value
+  std::string before = {}, now = {};  ///< values at that entry
+  std::int64_t entries = 1;           ///< number of different entries
+  double largest = 0.0;               ///< largest difference of two finite numbers
 };
 
-/// In the order of the message. Left out is what differs from run to run: times, memory, and options, which
-/// the request has.
+/// Returns differences in the order of the message. Excludes what varies between runs: times, memory, and
+/// options, which are in the request.
 [[nodiscard]] std::vector<Difference> differences(const v1::Solution& before, const v1::Solution& now);
 
-/// Of every row that `before` has; `finished`: it has its last one. Besides, the number of iterations where
-/// that can be told. `rows` are all of them.
+/// Compares every row of `before`; `finished`: it has its last one. Also compares the number of iterations,
+/// if it is known. `rows` are all rows.
 [[nodiscard]] std::vector<Difference> differences(const v1::Trace& before, bool finished,
                                                   const std::vector<v1::Progress>& rows);
 

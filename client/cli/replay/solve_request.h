@@ -1,4 +1,4 @@
-// A request's message, solved: whatever it asks for, here or by a server.
+// Solves a request's message of any kind, in process or on a server.
 #pragma once
 
 #include <stop_token>
@@ -10,12 +10,12 @@
 namespace marble::cli {
 
 struct Solved {
-  v1::Solution solution;       ///< as a server would answer, but for times and options
-  std::vector<Progress> rows;  ///< of every iteration
-  bool all_rows = true;        ///< none was dropped on the way
+  v1::Solution solution;       ///< as a server returns it, except times and options
+  std::vector<Progress> rows;  ///< one per iteration
+  bool all_rows = true;        ///< none was dropped
 };
 
-/// `client` may be in process. `options` are the request's, defaults included. Errors: the client's.
+/// `client` may be in process. `options` are the request's, including defaults. Errors: the client's.
 [[nodiscard]] Expected<Solved> solve_request(const Client& client, const v1::SolveRequest& request,
                                              const Options& options, const std::stop_token& stop);
 

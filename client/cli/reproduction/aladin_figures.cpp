@@ -12,15 +12,15 @@ namespace {
 
 struct Contender {
   Method method;
-  const char* name;    // as option method has it
-  const char* stands;  // for what in the paper
+  const char* name;    // as in option method
+  const char* stands;  // its counterpart in the paper
 };
 constexpr std::array kMethods = {Contender{Method::aladin_beta, "aladin_beta", "ALADIN-beta"},
                                  Contender{Method::l1_barrier_stepwise, "l1_barrier_stepwise", "IPOPT1"},
                                  Contender{Method::l1_barrier, "l1_barrier", "IPOPT2"},
                                  Contender{Method::plain_barrier, "plain_barrier", "IPOPT-vanilla"}};
 constexpr int kIterations = 100, kPairs = 10;
-constexpr double kError = 1e-10, kProduct = 1e-16;  // what the paper tells of figure 2
+constexpr double kError = 1e-10, kProduct = 1e-16;  // the paper's values for figure 2
 
 const char* name_of(AladinStart start) {
   return start == AladinStart::path ? "(1, 1)" : start == AladinStart::near ? "near 1" : "in [0, 2]";
@@ -53,7 +53,7 @@ class Way final : public ProgressSink {
     run_.t.push_back(row.t.front());
     run_.error.push_back(std::sqrt(square));
     run_.complementarity.push_back(product);
-    // μ of ALADIN-β falls from the first iteration on: where it does not, another began with its own.
+    // μ of ALADIN-β falls from the first iteration on: otherwise another method took over with its own μ.
     const bool begins = row.kappa > kappa_ || (row.kappa == kappa_ && row.iteration == 1);
     if (run_.method == Method::aladin_beta && begins && run_.fell_back < 0)
       run_.fell_back = row.iteration - 1;
@@ -66,7 +66,7 @@ class Way final : public ProgressSink {
   double kappa_ = std::numeric_limits<double>::infinity();
 };
 
-// No tolerance that it could end by: what is asked is how far it comes.
+// No tolerance ends the run: the result is how far it converges.
 Expected<AladinRun> run_once(AladinStart start, Method method, std::uint64_t seed,
                              const std::stop_token& stop) {
   AladinRun run{start, method, seed, {}, {}, {}, {}, -1, 0};
@@ -193,7 +193,7 @@ std::string aladin_picture(const std::vector<AladinRun>& runs, PictureFormat for
       const std::string data = (path ? "$path" : "$ways") + std::to_string(k);
       text += data + " << END_OF_RUN\n";
       for (std::size_t i = 0; i < run.error.size(); ++i) {
-        text += std::to_string(i);  // of zeros, which no logarithmic axis has, its end is drawn
+        text += std::to_string(i);  // of zeros, which a logarithmic axis cannot show, the last is drawn
 
         for (const double value :
              {run.s[i], run.t[i], std::max(run.error[i], 1e-17), std::max(run.complementarity[i], 1e-22)})

@@ -9,7 +9,7 @@
 namespace marble::cli {
 namespace {
 
-// Of the first κ at or below this one; infinite where a path did not come so far.
+// Returns the condition at the first κ at or below this one; infinite if a path did not reach it.
 double condition_at(const PathConditions& path, double kappa) {
   const auto at = std::ranges::find_if(path.at, [&](const PathCondition& c) { return c.kappa <= kappa; });
   return at == path.at.end() ? std::numeric_limits<double>::infinity() : at->condition;
@@ -40,11 +40,11 @@ std::string summary(const std::vector<RetractionPair>& pairs) {
   return table.text();
 }
 
-// Only problems whose paths both come so far: else a path that fails early would look well conditioned.
+// Uses only problems for which both paths reach κ: else a path that fails early would look well conditioned.
 std::string by_kappa(const std::vector<RetractionPair>& pairs) {
   TextTable table({"kappa", "problems", "cond, softplus", "cond, exponential", "median of their ratios"});
   for (int power = -2; power >= -7; --power) {
-    // A path's κ are halves of the first one.
+    // A path's κ are halvings of the first one.
     const double kappa = 1.1 * std::pow(10.0, power);
     std::vector<double> conditions[2], ratios;
     for (const RetractionPair& pair : pairs) {

@@ -1,4 +1,4 @@
-// The paper's section IV.A as a table: its softplus against the exponential, on the same path.
+// Reproduces the paper's section IV.A as a table: its softplus against the exponential, on the same path.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace marble::cli {
 
-/// One problem's path by each retraction.
+/// One problem's path with each retraction.
 struct RetractionPair {
   std::string problem;
   PathConditions softplus, exponential;
@@ -19,7 +19,7 @@ struct RetractionPair {
 [[nodiscard]] Expected<std::vector<RetractionPair>> compare_retractions(
     const std::vector<ProblemFile>& problems, const Options& options, const std::stop_token& stop);
 
-/// A row a problem; then what both solved, and the median condition of ∇r by κ.
+/// Returns a row per problem; then what both solved, and the median condition of ∇r by κ.
 [[nodiscard]] std::string retraction_report(const std::vector<RetractionPair>& pairs);
 
 }  // namespace marble::cli

@@ -8,9 +8,9 @@
 namespace marble::cli {
 namespace {
 
-constexpr std::size_t kFirstSettled = 3;  // level; those before have not come near yet
+constexpr std::size_t kFirstSettled = 3;  // level; earlier ones are still far away
 
-// Between two values by their distance: the mean of the middle two is the median of an even number.
+// Interpolates between two values: the mean of the middle two is the median of an even number.
 double quantile(std::vector<double> values, double share) {
   std::ranges::sort(values);
   const double at = share * static_cast<double>(values.size() - 1);
@@ -19,7 +19,7 @@ double quantile(std::vector<double> values, double share) {
   return values[below] + (at - static_cast<double>(below)) * (values[above] - values[below]);
 }
 
-// One entry a seed.
+// One entry per seed.
 struct Observed {
   std::vector<double> steps, lcqps, gradients, kkt;
 };

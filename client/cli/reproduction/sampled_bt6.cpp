@@ -37,7 +37,7 @@ void SampledBt6::evaluate_rows(std::span<const double> x) {
   rows_[1] = x[1] + std::pow(x[2], 4) * x[1] * x[1] - 8 - std::numbers::sqrt2;
 }
 
-// Without the noise.
+// Excludes the noise.
 void SampledBt6::differentiate(std::span<const double> x) {
   gradient_[0] = 2 * (x[0] - 1) + 2 * (x[0] - x[1]);
   gradient_[1] = -2 * (x[0] - x[1]);
@@ -49,7 +49,7 @@ void SampledBt6::differentiate(std::span<const double> x) {
                       x[0] * x[0] + slope, -slope};
 }
 
-// The two rows have no variable in common: each has its y by itself.
+// The two rows have no variable in common: each y is determined separately.
 double SampledBt6::true_kkt(std::span<const double> x) {
   evaluate_rows(x);
   differentiate(x);

@@ -1,4 +1,4 @@
-// BT6 (P. Boggs, J. Tolle) under the noise of "Retrospective Approximation for Stochastic Constrained
+// Provides BT6 (P. Boggs, J. Tolle) with the noise of "Retrospective Approximation for Stochastic Constrained
 // Problems Using Sequential Quadratic Programming": F = f + ξ‖x − x₀ − 1‖², ξ ~ U[−1, 1].
 #pragma once
 
@@ -14,9 +14,9 @@ class SampledBt6 {
   SampledBt6(const SampledBt6&) = delete;
   SampledBt6& operator=(const SampledBt6&) = delete;
 
-  /// Borrows this.
+  /// The result borrows this object.
   [[nodiscard]] nonlinear::SampledProblem sampled();
-  /// ‖(∇f + ∇cᵀy, c)‖₂ without the noise, by the y that makes it least.
+  /// Returns ‖(∇f + ∇cᵀy, c)‖₂ without the noise, with the y that minimizes it.
   [[nodiscard]] double true_kkt(std::span<const double> x);
 
  private:

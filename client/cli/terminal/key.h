@@ -1,4 +1,4 @@
-// A key that was pressed.
+// Describes a pressed key.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@ enum class KeyName { text, up, down, page_up, page_down, home, end, enter, escap
 
 struct Key {
   KeyName name = KeyName::text;
-  std::string text = {};  ///< of KeyName::text: one character, UTF-8
+  std::string text = {};  ///< for KeyName::text: one character, UTF-8
 };
 
 }  // namespace marble::cli

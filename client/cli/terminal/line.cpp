@@ -13,7 +13,8 @@ int columns_of(const Character& character) {
   return std::max(0, ::wcwidth(static_cast<wchar_t>(character.number)));
 }
 
-// Bytes of what goes on one line: up to a blank, or all that fits of a word that is longer, but something.
+// Returns the bytes for one line: up to a blank, or all that fits of a longer word, but at least one
+// character.
 std::size_t length_of_line(std::string_view text, int width) {
   std::size_t length = 0, blank = 0;
   for (int columns = 0; length < text.size();) {

@@ -1,4 +1,4 @@
-// A line of a screen: pieces of text, each with what it means. How that looks is the screen's matter.
+// Provides a line of a screen: pieces of text, each with its meaning. The screen maps meanings to colours.
 #pragma once
 
 #include <cstddef>
@@ -16,7 +16,7 @@ enum class Style {
   bad,       ///< an error, a disconnection
   caution,   ///< ended without being solved
   active,    ///< running
-  series_1,  ///< of a plot
+  series_1,  ///< in a plot
   series_2,
   series_3,
   series_4,
@@ -29,30 +29,30 @@ struct Span {
   Style style = Style::plain;
 };
 
-/// Columns of a terminal that the text takes. Characters count as the locale's wcwidth says.
+/// Returns the columns of a terminal that the text takes. The width of a character is the locale's wcwidth.
 [[nodiscard]] int columns_of(std::string_view text);
 
-/// Text of others as it may be shown: no controls, nothing of no width, and ASCII alone unless `unicode`;
-/// what cannot be shown becomes ?.
+/// Returns text from others in a displayable form: no controls, no zero-width characters, and only ASCII
+/// unless `unicode`; other characters become ?.
 [[nodiscard]] std::string shown_text(std::string_view text, bool unicode);
 
-/// At most `width` columns of the text; what was cut ends in an ellipsis.
+/// Returns at most `width` columns of the text; cut text ends in an ellipsis.
 [[nodiscard]] std::string cut_text(std::string_view text, int width, bool unicode);
 
 class Line {
  public:
   Line() = default;
-  Line(std::string text, Style style = Style::plain) { add(std::move(text), style); }  // NOLINT: it is one
+  Line(std::string text, Style style = Style::plain) { add(std::move(text), style); }  // NOLINT: implicit
 
   void add(std::string text, Style style = Style::plain);
-  /// Blanks up to the column; nothing if the line is as long already.
+  /// Appends blanks up to the column; nothing if the line is at least as long.
   void pad_to(int column);
   /// Cuts what goes beyond the width.
   void cut_to(int width);
 
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] const std::vector<Span>& spans() const { return spans_; }
-  /// Without the styles.
+  /// Returns the text without styles.
   [[nodiscard]] std::string text() const;
 
   bool selected = false;  ///< shown inverted, over the whole width
@@ -65,7 +65,7 @@ class Line {
 /// A screen's content, line by line.
 using Lines = std::vector<Line>;
 
-/// Text broken at blanks into lines of the width, as many as there may be at most.
+/// Breaks text at blanks into lines of the width, at most `most` lines.
 [[nodiscard]] Lines wrapped(std::string_view text, int width, std::size_t most, Style style);
 
 void append(Lines& lines, Lines more);

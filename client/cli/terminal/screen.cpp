@@ -17,10 +17,11 @@
 namespace marble::cli {
 namespace {
 
-constexpr int kEscape_ms = 25;  // what comes later than this after Esc is no part of a key
+constexpr int kEscape_ms = 25;  // anything later than this after Esc is not part of a key
 constexpr int kEscapeCode = 27, kDelete = 127, kBackspace = 8;
 
-// What a style looks like: a colour of the terminal's own eight, and attributes that say the same without.
+// The look of a style: one of the terminal's eight colours, and attributes that show the same without
+// colours.
 struct Look {
   short colour;
   attr_t attributes;
@@ -94,9 +95,9 @@ std::optional<Key> plain_key(wint_t code) {
 std::unique_ptr<Screen> Screen::open() {
   const bool unicode = set_terminal_locale();
   use_env(TRUE);
-  use_tioctl(TRUE);  // the terminal's real size before LINES and COLUMNS
+  use_tioctl(TRUE);  // uses the terminal's real size before LINES and COLUMNS
   if (newterm(nullptr, stdout, stdin) == nullptr) return nullptr;
-  char capability[] = "cup";  // it can place its cursor
+  char capability[] = "cup";  // the terminal can place its cursor
   const char* found = tigetstr(capability);
   if (found == nullptr || reinterpret_cast<std::intptr_t>(found) == -1) {
     endwin();

@@ -1,4 +1,4 @@
-// The whole terminal: lines drawn on it, keys read from it, and all as it was when this ends.
+// Provides the whole terminal: draws lines, reads keys, and restores the terminal at the end.
 #pragma once
 
 #include <memory>
@@ -11,21 +11,21 @@ namespace marble::cli {
 
 class Screen {
  public:
-  /// Null where the terminal cannot be drawn on: TERM is unknown or cannot place its cursor.
+  /// Returns null if the terminal cannot be drawn on: TERM is unknown or cannot place its cursor.
   [[nodiscard]] static std::unique_ptr<Screen> open();
   ~Screen();
   Screen(const Screen&) = delete;
   Screen& operator=(const Screen&) = delete;
 
   [[nodiscard]] bool unicode() const { return unicode_; }
-  /// As it is now.
+  /// Returns the current size.
   [[nodiscard]] Size size();
-  /// Sends what differs from what is there.
+  /// Sends the differences to the displayed content.
   void draw(const Lines& lines);
-  /// All that have been pressed.
+  /// Returns all keys pressed so far.
   [[nodiscard]] std::vector<Key> keys();
 
-  /// Gives the terminal back for a while, as for a stopped process.
+  /// Gives the terminal back temporarily, as for a stopped process.
   void suspend();
   /// Takes it again; the next draw sends everything.
   void resume();

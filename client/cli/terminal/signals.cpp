@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::array kSignals = {SIGINT, SIGTERM, SIGHUP, SIGTSTP, SIGCONT};
 
-// All that a handler can reach and may touch.
+// The only objects that a signal handler can reach and may use.
 std::array<int, 2> ends = {-1, -1};
 std::array<struct sigaction, kSignals.size()> before;
 

@@ -1,10 +1,10 @@
-// Signals that concern a full screen, as something to wait for.
+// Provides the signals that concern a full screen as a descriptor to wait for.
 #pragma once
 
 namespace marble::cli {
 
-/// While it lives, SIGINT, SIGTERM, SIGHUP, SIGTSTP and SIGCONT do nothing of their own but are read here, in
-/// their order. One at a time.
+/// During its lifetime SIGINT, SIGTERM, SIGHUP, SIGTSTP and SIGCONT have no effect of their own and are read
+/// here, in their order. Only one may exist at a time.
 class TerminalSignals {
  public:
   TerminalSignals();
@@ -12,11 +12,11 @@ class TerminalSignals {
   TerminalSignals(const TerminalSignals&) = delete;
   TerminalSignals& operator=(const TerminalSignals&) = delete;
 
-  /// Readable when one has come.
+  /// Readable when a signal has arrived.
   [[nodiscard]] int descriptor() const;
-  /// The next one, or 0.
+  /// Returns the next signal, or 0.
   [[nodiscard]] int take();
-  /// Stops this process, as SIGTSTP would have; returns when it goes on.
+  /// Stops this process, as SIGTSTP would have; returns when it continues.
   void stop_here();
 };
 

@@ -13,7 +13,7 @@ constexpr std::array kBlocks = {"▁", "▂", "▃", "▄", "▅", "▆", "▇",
 constexpr std::array kAscii = {"_", ".", ":", "-", "=", "+", "*", "#"};
 constexpr double kLeastDecades = 2.0;
 
-// Like std::max, but a number that is none wins: it must not be hidden.
+// Like std::max, but NaN wins: it must not be hidden.
 double worse_of(double a, double b) { return std::isnan(a) || a > b ? a : b; }
 
 std::vector<double> resampled(std::span<const double> values, std::size_t width) {

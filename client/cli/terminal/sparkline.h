@@ -1,4 +1,4 @@
-// Numbers as a row of little bars, on a log scale.
+// Draws numbers as a row of small bars on a log scale.
 #pragma once
 
 #include <span>
@@ -6,9 +6,9 @@
 
 namespace marble::cli {
 
-/// At most `width` columns, oldest value first; of more values than columns each column shows the largest of
-/// its share. The scale goes over the values' own range, but at least two decades. Zero and less are a bar of
-/// no height; what is no number is a question mark. Blocks where `unicode`, else ASCII.
+/// Returns at most `width` columns, oldest value first; with more values than columns each column shows the
+/// largest of its share. The scale covers the range of the values, but at least two decades. Zero and
+/// negative values have height zero; NaN is a question mark. Uses blocks if `unicode`, else ASCII.
 [[nodiscard]] std::string sparkline(std::span<const double> values, int width, bool unicode);
 
 }  // namespace marble::cli

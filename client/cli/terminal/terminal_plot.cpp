@@ -19,11 +19,11 @@ std::string label_text(double value, bool log) {
   return text;
 }
 
-// The y axis: from values to heights in [0, 1], and back for its labels.
+// The y axis: maps values to heights in [0, 1], and back for its labels.
 struct Axis {
   bool log = false;
   double low = 0.0, high = 1.0;  // of the logarithm, on a log axis
-  bool has_zero = false;         // a row of its own below the others
+  bool has_zero = false;         // zero has its own row below the others
 
   [[nodiscard]] std::optional<double> height(double value) const {
     if (!std::isfinite(value) || (log && value <= 0.0)) return {};
@@ -60,7 +60,7 @@ Axis axis_of(std::span<const Curve> curves, bool log) {
   return axis;
 }
 
-// Cells that hold dots: 2 x 4 each of Braille, or one letter.
+// Cells with dots: 2 x 4 Braille dots each, or one letter.
 class Canvas {
  public:
   Canvas(int width, int height, bool unicode)
@@ -119,7 +119,7 @@ class Canvas {
 struct Frame {
   Axis axis;
   double x_low = 0.0, x_high = 1.0;
-  int rows = 0;  // without the one of zero
+  int rows = 0;  // without the row of zero
 };
 
 void draw(const Curve& curve, std::span<const double> x, const Frame& frame, Canvas& canvas) {

@@ -43,7 +43,7 @@ std::vector<Curve> convergence_summary(std::span<const Progress> rows) {
     residual.values.push_back(row.kkt_residual);
     kappa.values.push_back(row.kappa);
   }
-  return {kappa, residual, violation};  // what is drawn last is on top
+  return {kappa, residual, violation};  // the last one is drawn on top
 }
 
 std::vector<Curve> proof_summary(std::span<const Progress> rows) {

@@ -1,4 +1,4 @@
-// A trace as curves: the same for the live view and for `marble plot`.
+// Provides a trace as curves, for the live view and for `marble plot`.
 #pragma once
 
 #include <span>
@@ -9,30 +9,30 @@
 
 namespace marble::cli {
 
-/// The largest of the three. A number that is none wins.
+/// Returns the largest of the three. NaN wins.
 [[nodiscard]] double largest(const Violations& violations);
 
-/// The step to `row` took more than one factorization, so that the regularization was raised. Not so in a
-/// local search, whose moves take several as a matter of course.
+/// True if the step to `row` took more than one factorization because the regularization was raised. Not used
+/// in a local search, whose moves regularly take several.
 [[nodiscard]] bool repeats_factorization(const Progress& before, const Progress& row);
 
-/// Largest violation, KKT residual and κ.
+/// Returns largest violation, KKT residual and κ.
 [[nodiscard]] std::vector<Curve> convergence_summary(std::span<const Progress> rows);
 
-/// Incumbent and bound of a tree (option global).
+/// Returns incumbent and bound of a tree (global search).
 [[nodiscard]] std::vector<Curve> proof_summary(std::span<const Progress> rows);
 
-/// Whether a tree has begun.
+/// True if a tree has begun.
 [[nodiscard]] bool has_tree(std::span<const Progress> rows);
 
-/// Whether a column belongs on a log axis: violations, residual, κ, ρ, δ, gap.
+/// True if a column belongs on a log axis: violations, residual, κ, ρ, δ, gap.
 [[nodiscard]] bool is_logarithmic(const ProgressColumn& column);
 
-/// Whether 0 is a value like any other there (a violation, a gap) or says that there is none (κ in a local
-/// search).
+/// True if 0 is an ordinary value of the column (a violation, a gap), false if it means that there is none (κ
+/// in a local search).
 [[nodiscard]] bool zero_counts(const ProgressColumn& column);
 
-/// A curve of one column.
+/// Returns the curve of one column.
 [[nodiscard]] Curve curve_of(std::span<const Progress> rows, const ProgressColumn& column, int number);
 
 }  // namespace marble::cli

@@ -15,7 +15,7 @@
 namespace marble::cli {
 namespace {
 
-constexpr std::size_t kLongestValue = 40;  // of what is quoted in an error
+constexpr std::size_t kLongestValue = 40;  // of quoted text in an error
 
 Error fault(std::size_t line, std::string_view column, std::string_view value, std::string rule) {
   std::string field = "line " + std::to_string(line);
@@ -34,7 +34,7 @@ std::vector<std::string_view> cells_of(std::string_view line) {
   }
 }
 
-// Takes a line off the text, without its end.
+// Removes a line from the text and returns it without its end.
 std::string_view take_line(std::string_view& text) {
   const std::size_t end = text.find('\n');
   std::string_view line = text.substr(0, end);
@@ -49,7 +49,7 @@ Expected<void> check_width(std::size_t line, std::size_t cells, std::size_t colu
       fault(line, "", "", "has " + std::to_string(cells) + " columns: must have " + std::to_string(columns)));
 }
 
-// How many columns there are: all, or those of before there were trees.
+// Returns the number of columns: all, or those of the format before trees.
 Expected<std::size_t> columns_of_header(std::string_view line) {
   const auto cells = cells_of(line);
   for (std::size_t i = 0; i < std::min(cells.size(), progress_columns().size()); ++i) {

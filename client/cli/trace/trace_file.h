@@ -1,4 +1,4 @@
-// A trace in a file: written while a solve runs, read to be plotted.
+// Stores a trace in a file: written during a solve, read for plots.
 #pragma once
 
 #include <cstddef>
@@ -11,10 +11,10 @@
 
 namespace marble::cli {
 
-/// Writes every row that is reported, with every bit. The columns are progress_columns().
+/// Writes every reported row, with every bit. The columns are progress_columns().
 class TraceWriter final : public ProgressSink {
  public:
-  /// Fails before anything is solved where the file cannot be written.
+  /// Fails before anything is solved if the file cannot be written.
   [[nodiscard]] static Expected<TraceWriter> open(const std::string& path);
   void report(const Progress& row) override;
   [[nodiscard]] std::size_t rows() const { return rows_; }
@@ -27,10 +27,10 @@ class TraceWriter final : public ProgressSink {
   std::size_t rows_ = 0;
 };
 
-/// From the text of such a file. Errors name line and column: field "line 3, column kappa".
+/// Parses the text of such a file. Errors name line and column: field "line 3, column kappa".
 [[nodiscard]] Expected<std::vector<Progress>> parse_trace(std::string_view text);
 
-/// From a file; - is standard input. Error not_found: it cannot be read.
+/// Reads a file; - is standard input. Error not_found: it cannot be read.
 [[nodiscard]] Expected<std::vector<Progress>> read_trace(const std::string& path);
 
 }  // namespace marble::cli

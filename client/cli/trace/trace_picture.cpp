@@ -13,7 +13,7 @@ constexpr double kMostDecades = 24.0;  // below that is rounding
 
 bool is_logarithmic_one(const ProgressColumn* column) { return is_logarithmic(*column); }
 
-// Where exact zeros stand on a log axis: below everything else that is drawn.
+// The position of exact zeros on a log axis: below every other value.
 struct Floor {
   double at = 0.0;
   bool used = false;
@@ -45,7 +45,7 @@ std::string value_text(const Progress& row, const ProgressColumn& column, const 
   return value == 0.0 && zero_counts(column) ? gnuplot_number(floor.at) : "NaN";
 }
 
-// Column 1 is x, 2 is 1 where factorizations were repeated, then what is drawn.
+// Column 1 is x, column 2 is 1 where factorizations were repeated, then the drawn columns.
 std::string data_block(std::span<const Progress> rows, const ProgressColumn& x,
                        std::span<const ProgressColumn* const> columns, const Floor& floor) {
   std::string text = "$trace << END_OF_TRACE\n";
@@ -75,7 +75,7 @@ std::string panel(std::span<const ProgressColumn* const> columns, bool logarithm
   return "plot " + curves + "\n";
 }
 
-// Decades, 12 of them at most, and 0 where it is drawn.
+// Marks decades, at most 12 of them, and 0 if it is drawn.
 std::string log_axis(const Floor& floor) {
   std::string text =
       "set logscale y 10\nset format y '10^{%T}'\nset yrange [" + gnuplot_number(floor.at) + ":*]\n";

@@ -1,4 +1,4 @@
-// A trace as a picture.
+// Draws a trace as a picture.
 #pragma once
 
 #include <span>
@@ -10,8 +10,8 @@
 
 namespace marble::cli {
 
-/// gnuplot's commands, data included, that write the picture to standard output: logarithmic columns on one
-/// panel, the others on one below, along x, and where factorizations were repeated.
+/// Returns gnuplot's commands, data included, which write the picture to standard output: logarithmic columns
+/// on one panel, the others on one below, along x, with marks where factorizations were repeated.
 [[nodiscard]] std::string trace_picture(std::span<const Progress> rows, const ProgressColumn& x,
                                         std::span<const ProgressColumn* const> columns, PictureFormat format,
                                         const std::string& title);

@@ -6,11 +6,11 @@
 namespace marble::cli {
 namespace {
 
-constexpr double kInterval_s = 0.1;  // between two events of one job: as often as the screen is drawn
+constexpr double kInterval_s = 0.1;  // between two events of one job: the rate of the screen
 constexpr double kServerEvery_s = 1.0;
 constexpr int kLooksBetweenLists = 5;
 constexpr double kRetryAfter_s = 0.5;
-constexpr int kListed = 1000;  // as many as the table keeps
+constexpr int kListed = 1000;  // the number that the table keeps
 
 bool drains(const Client& client, const std::stop_token& stop) {
   const auto takes_jobs = client.healthy(stop);
@@ -93,8 +93,8 @@ void Feed::follow_jobs(const std::stop_token& stop) {
   }
 }
 
-// A list now and then mends what the stream could not tell: what finished before it began, or while this
-// reader was slow.
+// A list now and then adds what the stream could not report: jobs that finished before it began, or while
+// this reader was slow.
 void Feed::follow_server(const std::stop_token& stop) {
   for (int looks = 1; !stop.stop_requested(); ++looks) {
     const auto info = client_.info(stop);

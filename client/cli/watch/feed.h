@@ -1,4 +1,4 @@
-// Keeps the model as the server has it, from threads of its own, and starts again when the connection breaks.
+// Keeps the model in step with the server, on its own threads, and reconnects after a loss.
 #pragma once
 
 #include <condition_variable>
@@ -16,10 +16,10 @@
 
 namespace marble::cli {
 
-/// Seconds of a steady clock: what the model's times are by.
+/// Returns seconds of a steady clock: the clock of the model's times.
 [[nodiscard]] double steady_now_s();
 
-/// The model, behind a lock. Nothing slow may be done inside `change` and `look`.
+/// The model, behind a lock. `change` and `look` must be fast.
 class SharedModel {
  public:
   explicit SharedModel(std::string address) { model_.address = std::move(address); }
@@ -35,7 +35,7 @@ class SharedModel {
     const MutexLock lock(mutex_);
     return look(std::as_const(model_));
   }
-  /// Another number whenever something has changed.
+  /// Returns a number that changes with every change of the model.
   [[nodiscard]] std::int64_t version() const {
     const MutexLock lock(mutex_);
     return version_;
@@ -51,17 +51,17 @@ class Feed {
  public:
   /// Both must outlive it.
   Feed(const Client& client, SharedModel& model);
-  /// Gives up what it asks and follows; a cancellation that was ordered is still made.
+  /// Cancels its requests and streams; a requested cancellation of a job is still sent.
   ~Feed();
   Feed(const Feed&) = delete;
   Feed& operator=(const Feed&) = delete;
 
-  /// Follows one job with every row, instead of the one before.
+  /// Follows one job with every row, instead of the previous one.
   void open(const std::string& job_id);
   void close();
-  /// Asks the server to end it; what comes of that is the model's notice.
+  /// Requests the server to cancel a job; the result becomes the model's notice.
   void cancel(std::string job_id);
-  /// What no retry will mend: the server will not have this caller. The feed has stopped then.
+  /// Returns an error that no retry can fix: the server rejects this caller. The feed has stopped then.
   [[nodiscard]] std::optional<Error> refusal() const;
 
  private:
@@ -69,7 +69,7 @@ class Feed {
   void follow_server(const std::stop_token& stop);
   void follow_one(const std::string& job_id, const std::stop_token& stop);
   void make_requests(const std::stop_token& stop);
-  /// Waits for one; nothing once a stop came and none is left.
+  /// Waits for the next one; nothing after a stop once none is left.
   [[nodiscard]] std::optional<std::string> next_to_cancel(const std::stop_token& stop);
   [[nodiscard]] bool gave_up(const Error& error);
   void pause(const std::stop_token& stop, double seconds);
@@ -80,7 +80,7 @@ class Feed {
   std::condition_variable_any woken_;
   std::deque<std::string> to_cancel_ ABSL_GUARDED_BY(mutex_);
   std::optional<Error> refusal_ ABSL_GUARDED_BY(mutex_);
-  // Last, so that all else outlives them.
+  // Declared last, so that all other members outlive them.
   std::jthread jobs_, server_, requests_, one_;
 };
 

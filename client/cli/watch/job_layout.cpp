@@ -1,4 +1,4 @@
-// One job: its facts, its convergence as curves, its newest rows.
+// Lays out one job: its facts, its convergence as curves, its newest rows.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -23,7 +23,7 @@ Line fact(const char* name, const std::string& text, Style style = Style::plain)
   return line;
 }
 
-// One beside the other, on as many lines as that takes, but at most so many.
+// Places facts side by side, on as many lines as needed, but at most `most`.
 Lines flowed(const std::vector<Line>& facts, int width, std::size_t most) {
   Lines lines(1);
   for (const Line& fact : facts) {
@@ -92,7 +92,7 @@ std::vector<Line> tree_facts(const OpenedJob& opened) {
 std::vector<Line> time_facts(const JobInfo& job) {
   std::vector<Line> facts = {fact("time", duration_text(job.total_s)),
                              fact("queue", duration_text(job.queue_s))};
-  if (job.times.solve_s <= 0.0) return facts;  // told with the answer
+  if (job.times.solve_s <= 0.0) return facts;  // known with the solution
   facts.push_back(fact("set-up", duration_text(job.times.setup_s)));
   facts.push_back(fact("solve", duration_text(job.times.solve_s)));
   facts.push_back(fact("of it factorizations", duration_text(job.times.factorization_s)));
@@ -112,11 +112,11 @@ Lines why_lines(const JobInfo& job, const Look& look) {
 struct RowColumn {
   const char* name;
   int width;
-  int importance;  // the least important goes first where there is no room
+  int importance;  // the least important is dropped first if space is short
   std::string (*text)(const Progress& row);
 };
 
-// In the order in which they are shown.
+// In display order.
 constexpr std::array<RowColumn, 10> kRowColumns = {{
     {"iter", 6, 9, [](const Progress& p) { return std::to_string(p.iteration); }},
     {"objective", 14, 7, [](const Progress& p) { return formatted("%.7e", p.objective); }},
@@ -130,7 +130,7 @@ constexpr std::array<RowColumn, 10> kRowColumns = {{
     {"fact", 5, 2, [](const Progress& p) { return std::to_string(p.factorizations); }},
 }};
 
-// The same of a tree.
+// The same for a tree.
 constexpr std::array<RowColumn, 6> kTreeColumns = {{
     {"nodes", 9, 4, [](const Progress& p) { return std::to_string(p.nodes); }},
     {"open", 8, 1, [](const Progress& p) { return std::to_string(p.open_nodes); }},
@@ -140,7 +140,7 @@ constexpr std::array<RowColumn, 6> kTreeColumns = {{
     {"time", 9, 0, [](const Progress& p) { return duration_text(p.elapsed_s); }},
 }};
 
-// Those that fit.
+// Returns the columns that fit.
 std::vector<RowColumn> row_columns(std::span<const RowColumn> all, int width) {
   std::vector<RowColumn> columns(all.begin(), all.end());
   const auto needed = [&] {

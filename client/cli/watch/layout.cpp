@@ -8,7 +8,7 @@
 namespace marble::cli {
 namespace {
 
-constexpr int kRoomyHeight = 14;  // below, what is of the server takes two lines, not four
+constexpr int kRoomyHeight = 14;  // below it, the server's part takes two lines, not four
 constexpr int kLongestBar = 20;
 constexpr std::size_t kMostNotice = 3;  // lines
 
@@ -33,7 +33,7 @@ void add_connection(Line& line, const ServerState& server, double now_s) {
   }
 }
 
-// What the server is, and first of all whether it is there.
+// Shows the server, and first of all whether it is reachable.
 Line title_line(const Model& model, const View& view, const Look& look) {
   const ServerState& server = model.server;
   Line line("marble", Style::strong);
@@ -65,7 +65,7 @@ Line workers_line(const ServerInfo& info, const std::optional<Rates>& rates, con
   if (!rates) return line;
   line.add("   " + formatted("%.3g", rates->answers_per_s) + " solves/s");
   if (rates->solved_share) {
-    const double percent = std::floor(1000.0 * *rates->solved_share) / 10.0;  // 99.99 is not all
+    const double percent = std::floor(1000.0 * *rates->solved_share) / 10.0;  // 99.99 is not shown as 100
     line.add(", " + formatted("%.4g", percent) + " % solved",
              *rates->solved_share < 0.9 ? Style::caution : Style::plain);
   }
@@ -99,7 +99,7 @@ Line memory_line(const ServerInfo& info, const std::optional<Rates>& rates) {
   return line;
 }
 
-// The last lines: a question, an outcome, or what keys there are.
+// The last lines: a prompt, a notice, or the available keys.
 Lines foot(const Model& model, const View& view, const Look& look) {
   if (view.prompt == Prompt::confirm_cancel)
     return {{"cancel job " + shown_text(view.asked_about, look.unicode) + "? y/n", Style::caution}};
@@ -118,9 +118,7 @@ Lines foot(const Model& model, const View& view, const Look& look) {
   return {{"q quit  ? help  enter open  c cancel  s sort  r reverse  / filter  p pause", Style::faint}};
 }
 
-int server_height(const Size& size) {
-  return is_roomy(size) ? 5 : 2;
-}  // with a blank line where there is room
+int server_height(const Size& size) { return is_roomy(size) ? 5 : 2; }  // with a blank line if there is space
 
 Lines body(const Model& model, View& view, const Look& look, int height) {
   if (view.help) return help_lines();

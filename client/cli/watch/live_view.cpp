@@ -46,12 +46,12 @@ class LiveView {
     return frozen_ ? look(std::as_const(*frozen_)) : model_.look(look);
   }
 
-  // Until a key, a signal or the time to look whether something has changed.
+  // Waits for a key, a signal or the time to check for changes.
   void wait() {
     std::array<pollfd, 2> sources = {{{STDIN_FILENO, POLLIN, 0}, {signals_.descriptor(), POLLIN, 0}}};
     const double left_s = keyed_ ? drawn_at_s_ + kFrame_s - steady_now_s() : kFrame_s;
     poll(sources.data(), sources.size(), static_cast<int>(1e3 * std::clamp(left_s, 0.0, kFrame_s)) + 1);
-    if ((sources[0].revents & (POLLHUP | POLLERR | POLLNVAL)) != 0) over_ = true;  // the terminal has gone
+    if ((sources[0].revents & (POLLHUP | POLLERR | POLLNVAL)) != 0) over_ = true;  // the terminal has closed
   }
 
   void take_signals() {
@@ -101,14 +101,14 @@ class LiveView {
         feed_.cancel(request.job_id);
         break;
     }
-    // Another look than the one that was paused.
+    // The request changes the view, so the pause ends.
     if (request.kind != Request::Kind::none && view_.paused) {
       view_.paused = false;
       pause_or_go_on();
     }
   }
 
-  // What is shown is not touched by what goes on meanwhile.
+  // While paused, the displayed content does not change.
   void pause_or_go_on() {
     frozen_.reset();
     if (view_.paused) frozen_ = model_.look([](const Model& model) { return model; });
@@ -135,12 +135,12 @@ class LiveView {
   SharedModel model_;
   Feed feed_;
   TerminalSignals signals_;
-  std::unique_ptr<Screen> screen_;  // ends first: the terminal is given back before anything is waited for
+  std::unique_ptr<Screen> screen_;  // destroyed first: the terminal is restored before any wait
   View view_;
   std::optional<Model> frozen_;
   LiveEnd end_;
   bool over_ = false;
-  bool keyed_ = false;  // a key or a signal wants to be answered
+  bool keyed_ = false;  // a key or a signal needs a response
   Size shown_size_;
   std::int64_t shown_version_ = -1;
   double drawn_at_s_ = 0.0;

@@ -1,4 +1,4 @@
-// `marble watch` on a terminal: a full screen that follows the server until the person leaves it.
+// Implements `marble watch` on a terminal: a full screen that follows the server until the person quits.
 #pragma once
 
 #include <memory>
@@ -10,14 +10,14 @@
 
 namespace marble::cli {
 
-/// How it was left.
+/// How the view ended.
 struct LiveEnd {
-  std::optional<JobInfo> job;    ///< of one job: as it was last
-  std::optional<Error> refusal;  ///< the server would not have this caller
-  int signal = 0;                ///< that ended it; 0: the person did
+  std::optional<JobInfo> job;    ///< of one job: its last state
+  std::optional<Error> refusal;  ///< the server rejected this caller
+  int signal = 0;                ///< that ended it; 0: the person quit
 };
 
-/// Shows all jobs, or one. Returns with the terminal as it was before `screen`, which it takes.
+/// Shows all jobs, or one. Returns with the terminal restored to its state before `screen`.
 [[nodiscard]] LiveEnd watch_live(const Client& client, const std::string& job_id,
                                  std::unique_ptr<Screen> screen);
 

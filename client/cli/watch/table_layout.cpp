@@ -1,4 +1,4 @@
-// The table of jobs: which columns there is room for, and what stands in them.
+// Lays out the table of jobs: which columns fit, and the content of their cells.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -18,12 +18,12 @@ struct ColumnRule {
   Column column;
   const char* name;
   int least, most;  // columns of the terminal
-  int importance;   // the least important goes first where there is no room
-  int grows;        // the first takes what room there is up to its most, then the next
-  bool right;       // numbers stand at the right
+  int importance;   // the least important is dropped first if space is short
+  int grows;        // the first one gets the free space up to its most, then the next
+  bool right;       // right-aligned, for numbers
 };
 
-// In the order in which they are shown.
+// In display order.
 constexpr std::array kRules = {
     ColumnRule{Column::job, "job", 8, 16, 9, 7, false},
     ColumnRule{Column::client, "client", 6, 14, 2, 2, false},
@@ -48,7 +48,7 @@ int total(const Widths& widths) {
   return sum + std::max(0, shown - 1);  // a blank between two
 }
 
-// By the terminal alone, so that columns stay where they are while jobs come and go.
+// Depends only on the terminal, so that columns do not move while jobs come and go.
 Widths widths_for(int width) {
   Widths widths;
   for (std::size_t i = 0; i < kRules.size(); ++i) widths[i] = kRules[i].least;
@@ -79,7 +79,7 @@ std::string state_text(const JobInfo& job) {
   return state + " " + std::to_string(job.activity->done) + "/" + std::to_string(job.activity->total);
 }
 
-// Of a tree, in the nine columns of a violation.
+// For a tree, in the nine columns of a violation.
 std::string gap_text(const JobInfo& job) {
   if (job.proved) return "proved";
   if (!std::isfinite(job.gap)) return "no gap";

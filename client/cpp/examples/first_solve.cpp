@@ -5,7 +5,7 @@
 //   min ½ (p − 0.4)² + ½ (f − 0.3)²   s.t.  p − x − f = 0   (spring of 1 N/m and contact in balance)
 //                                           0 ≤ f  ⊥  0.5 − x ≥ 0   (no force without contact)
 //
-// Solved on the server that MARBLE_SERVER names, in this process if it names none or is "local".
+// Solves on the server that MARBLE_SERVER names, or in this process if it names none or is "local".
 #include <marble/client.h>
 
 #include <cstdio>

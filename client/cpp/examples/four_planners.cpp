@@ -1,5 +1,5 @@
-// Four planners, each a process of its own, share one server: it keeps a session for each and takes turns.
-// What one of them waits for the others is the difference between the round trip and the solve.
+// Four planners, each in its own process, share one server, which keeps a session for each and serves them in
+// turns. The difference between the round trip and the solve is the time that a planner waits for the others.
 //
 // Usage: MARBLE_SERVER=HOST:PORT four_planners [PLANS]
 #include <marble/client.h>
@@ -24,10 +24,10 @@ int fails(int number, const marble::Error& error) {
 
 int plan(int number, int plans) {
   marble::ConnectOptions who = marble::ConnectOptions::from_environment();
-  who.name = "planner " + std::to_string(number);  // the server shares by name, or by token
+  who.name = "planner " + std::to_string(number);  // the server distinguishes clients by name, or by token
   const auto client = marble::Client::connect(marble::default_server_address(), who);
   if (!client) return fails(number, client.error());
-  // Each has a hopper of its own.
+  // Each has its own hopper.
   const auto seed = static_cast<std::uint64_t>(number);
   auto robot = marble::examples::vary(marble::examples::HopperParameters{.steps = 30}, seed);
   marble::OwnedProblem problem = marble::examples::hopper(robot);
@@ -62,7 +62,7 @@ int plan(int number, int plans) {
 int main(int argc, char** argv) {
   const int plans = argc > 1 ? std::max(1, std::atoi(argv[1])) : 40;
   for (int number = 1; number <= 4; ++number) {
-    const pid_t child = fork();  // before anything of gRPC has begun: it does not go through a fork
+    const pid_t child = fork();  // before gRPC starts: it does not survive a fork
     if (child == 0) return plan(number, plans);
     if (child < 0) return std::perror("fork"), 1;
   }

@@ -1,6 +1,6 @@
 // The hopper in closed loop: plan two seconds ahead, follow the first 50 ms, plan again from there. The
-// problem stays on the server in a session; a tick sends the vectors that changed and starts from the last
-// plan, one step on. Ends in a moving picture.
+// problem stays on the server in a session; a control step sends the vectors that changed and starts from the
+// last plan, shifted by one step. Writes an animated picture at the end.
 //
 // Usage: hopper_mpc [TICKS [PICTURE.svg]]
 #include <marble/client.h>
@@ -29,9 +29,9 @@ int main(int argc, char** argv) {
 
   marble::examples::HopperParameters robot{.steps = 40};
   marble::OwnedProblem problem = marble::examples::hopper(robot);
-  const auto client = marble::Client::connect();  // where MARBLE_SERVER says
+  const auto client = marble::Client::connect();  // the server that MARBLE_SERVER names
   if (!client) return fails(client.error());
-  // If the server dies, the session is set up again on another one of MARBLE_SERVER's list.
+  // If the server dies, the session is opened again on another one of MARBLE_SERVER's list.
   auto session = client->open_session(problem.view(), {}, {.initial_z = problem.initial_z, .reopen = true});
   if (!session) return fails(session.error());
   const auto one_step_on = marble::Shift::by_stage(problem.view(), robot.steps);

@@ -8,7 +8,7 @@ namespace {
 
 using namespace marble::examples;
 
-constexpr double kScale = 320.0;  // pixels a metre
+constexpr double kScale = 320.0;  // pixels per metre
 constexpr double kLow = -0.15, kHigh = 1.25, kLeft = -0.3;
 
 std::string text(const char* format, ...) __attribute__((format(printf, 1, 2)));
@@ -25,7 +25,7 @@ double px(double x) { return kScale * (x - kLeft); }
 double py(double z) { return kScale * (kHigh - z); }
 std::string point(double x, double z) { return text("%.1f,%.1f ", px(x), py(z)); }
 
-// The stairs, as an outline from left to right and back below.
+// Returns the stairs as an outline from left to right and back below.
 std::string ground(const HopperParameters& robot, double right) {
   double height = 0.0;
   std::string points = point(kLeft, kLow) + point(kLeft, height);
@@ -37,7 +37,7 @@ std::string ground(const HopperParameters& robot, double right) {
   return "<polygon fill='#d9d4c7' points='" + points + point(right, height) + point(right, kLow) + "'/>\n";
 }
 
-// Metres along the ground, and what the colours are.
+// Returns the scale in metres along the ground, and the legend of the colours.
 std::string words(double right) {
   std::string result = "<g font-family='sans-serif' font-size='14' fill='#555'>\n";
   for (double x = 0.0; x < right; x += 0.5)
@@ -48,7 +48,7 @@ std::string words(double right) {
          "their way, and dashed what was planned at each tick</text>\n</g>\n";
 }
 
-// `value` of each tick, as an attribute that moves through them.
+// Returns an attribute that moves through the `value` of each control step.
 template <class Value>
 std::string moving(const char* attribute, const std::vector<Tick>& way, double seconds, Value&& value) {
   std::string values;
@@ -58,7 +58,8 @@ std::string moving(const char* attribute, const std::vector<Tick>& way, double s
          values + "'/>";
 }
 
-// The plan's way of body or foot: from where the robot is, then at the end of each of its steps.
+// Returns the planned path of body or foot: from the robot's position, then at the end of each step of the
+// plan.
 std::string planned(const Tick& tick, int x, int z) {
   std::string points =
       point(tick.position[static_cast<std::size_t>(x)], tick.position[static_cast<std::size_t>(z)]);

@@ -1,4 +1,4 @@
-// The hopper's way as a moving picture.
+// Draws the hopper's motion as an animated picture.
 #pragma once
 
 #include <marble/examples.h>
@@ -7,12 +7,12 @@
 #include <string>
 #include <vector>
 
-/// One tick of the closed loop.
+/// One control step of the closed loop.
 struct Tick {
   std::array<double, 4> position;  ///< x, z of the body, x, z of the foot, m
-  std::vector<double> plan;        ///< from there on, as the solver gave it
+  std::vector<double> plan;        ///< from there on, as the solver returned it
 };
 
-/// An SVG, in real time and again and again: ground, body, leg and foot, and what the robot planned at each
-/// tick. A viewer that shows no movement shows the way of body and foot and the first tick.
+/// Returns an SVG that plays in real time in a loop: ground, body, leg and foot, and the robot's plan at each
+/// control step. A viewer without animation shows the paths of body and foot and the first control step.
 std::string draw(const marble::examples::HopperParameters& robot, const std::vector<Tick>& way);

@@ -1,5 +1,6 @@
-// A pendulum with a stop, by sequential LCQPs: a weak motor brings it up against a stop at 1 rad, through a
-// swing to the other side. Stage k has four variables: angle, speed, torque and the force of the stop.
+// Plans the motion of a pendulum with a stop by sequential LCQPs: a weak motor moves it against a stop at 1
+// rad, through a swing to the other side. Stage k has four variables: angle, speed, torque and contact force
+// of the stop.
 //
 //   w' = w + h (u − 10 sin a' − f),   a' = a + h w',   0 ≤ f ⊥ 1 − a' ≥ 0,   |u| ≤ 4
 #include <marble/client.h>
@@ -19,14 +20,15 @@ enum Part : Index { kAngle, kSpeed, kMotor, kForce, kParts };
 
 Index at(Index stage, Part part) { return kParts * stage + part; }
 
-// One row a stage in G and H, two in the equalities; the patterns never change, only the cosines do.
+// One row per stage in G and H, two in the equalities; the patterns are constant, only the cosines change.
 class Pendulum {
  public:
   Pendulum() : gradient_(kVariables), equalities_(2 * kStages), gap_(kStages), force_(kStages) {
-    // Entries that are constant are set here.
+    // Sets the constant entries.
     marble::Triplets motion, gap, force, hessian;
     for (Index k = 0; k < kStages; ++k) {
-      motion.add(2 * k, at(k, kSpeed), 1.0), motion.add(2 * k, at(k, kAngle), 1.0);  // the second one moves
+      motion.add(2 * k, at(k, kSpeed), 1.0),
+          motion.add(2 * k, at(k, kAngle), 1.0);  // the second entry changes
       motion.add(2 * k, at(k, kMotor), -kStep), motion.add(2 * k, at(k, kForce), kStep);
       motion.add(2 * k + 1, at(k, kAngle), 1.0), motion.add(2 * k + 1, at(k, kSpeed), -kStep);
       if (k > 0) motion.add(2 * k, at(k - 1, kSpeed), -1.0), motion.add(2 * k + 1, at(k - 1, kAngle), -1.0);
@@ -72,7 +74,7 @@ class Pendulum {
   marble::nonlinear::Derivatives derivatives(std::span<const double> x) {
     for (Index k = 0; k < kStages; ++k) {
       gradient_[at(k, kMotor)] = kStep * x[at(k, kMotor)];
-      // The first entry of the column is that of row 2k.
+      // The first entry of the column belongs to row 2k.
       motion_.values[motion_.column_pointers[at(k, kAngle)]] = kStep * kGravity * std::cos(x[at(k, kAngle)]);
     }
     gradient_[at(kLast, kAngle)] = kGoal * (x[at(kLast, kAngle)] - kStop);

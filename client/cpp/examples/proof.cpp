@@ -1,5 +1,5 @@
-// Is it the optimum? A plan through gates with a proof: incumbent and bound close in on each other, and when
-// the time is over the answer says how far apart they are left.
+// Plans a path through gates with a proof of optimality: incumbent and bound approach each other, and at the
+// time limit the solution reports the remaining gap.
 //
 // Usage: proof [SECONDS]    default 10
 #include <marble/client.h>

@@ -1,5 +1,5 @@
-// A solve that tells how it goes while this program does something else, and that a key may end:
-// Ctrl-C gives it up, and the server stops within one iteration.
+// Streams the progress of a solve while this program does something else. Ctrl-C cancels the solve, and the
+// server stops within one iteration.
 #include <marble/client.h>
 #include <marble/examples.h>
 
@@ -12,7 +12,7 @@ namespace {
 
 volatile std::sig_atomic_t interrupted = 0;
 
-// Called on a thread of the client's, a row an iteration.
+// Called on a thread of the client, once per iteration.
 class Table : public marble::ProgressSink {
  public:
   void report(const marble::Progress& row) override {
@@ -26,7 +26,7 @@ class Table : public marble::ProgressSink {
 
 int main() {
   std::signal(SIGINT, [](int) { interrupted = 1; });
-  const auto client = marble::Client::connect();  // where MARBLE_SERVER says
+  const auto client = marble::Client::connect();  // the server that MARBLE_SERVER names
   if (!client) {
     std::fprintf(stderr, "%s\n", client.error().message().c_str());
     return 1;

@@ -43,7 +43,7 @@ Expected<void> fill(const ArrayElement& element, v1::ArrayElement* message) {
   return client::check_size(*message);
 }
 
-// Until the server has heard enough, which its status then says why.
+// Writes until the source ends or the server stops reading; its status then has the reason.
 Expected<void> write(Writer& writer, const ArraySource& source, const ArrayControls& controls) {
   v1::SubmitArrayRequest request;
   if (auto filled = fill(controls, request.mutable_setup()); !filled) return filled;
@@ -51,7 +51,7 @@ Expected<void> write(Writer& writer, const ArraySource& source, const ArrayContr
   while (writer.Write(request)) {
     if (request.has_end()) break;
     const std::optional<ArrayElement> element = source();
-    if (controls.stop.stop_requested()) break;  // by the source itself, too: then nothing of it is kept
+    if (controls.stop.stop_requested()) break;  // the source itself may request it: then nothing is kept
     request.Clear();
     if (!element) {
       request.mutable_end()->set_elements(elements);
@@ -95,7 +95,7 @@ Expected<SubmittedArray> Jobs::submit_array(const ArraySource& source, const Arr
   return unexpected(out_of_memory());
 }
 
-// A connection that is lost is made again as long as each brings something.
+// Makes a lost connection again as long as each one brings a result.
 Expected<void> Jobs::array(const std::string& job_id, const ArraySink& sink,
                            const ArrayReading& reading) const try {
   if (auto one = client::one_server(connection_.get()); !one) return unexpected(one.error());

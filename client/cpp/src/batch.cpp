@@ -22,17 +22,17 @@ using Clock = BatchQueue::Clock;
 using Seconds = std::chrono::duration<double>;
 using Stream = grpc::ClientReaderWriter<v1::SolveBatchRequest, v1::SolveBatchResponse>;
 
-// A server that leaves takes no more problems: they are for the next stream, or for this one after all.
+// A draining server accepts no more problems: they go to the next stream, or to this one again.
 constexpr Seconds kLeaving(1.0);
 
-// Reads the source on a thread of its own: it may wait for answers, on whichever stream they come.
+// Reads the source on its own thread: the source may wait for results, on whichever stream they arrive.
 class Reader {
  public:
   Reader(const BatchSource& source, const BatchControls& controls, BatchQueue& queue)
       : source_(source), controls_(controls), queue_(queue), thread_([this] { read(); }) {}
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
-  /// Waits for the source, should it have been asked.
+  /// Waits for the source, if a call of it is in progress.
   ~Reader() {
     queue_.close();
     thread_.join();
@@ -72,7 +72,8 @@ class Reader {
   std::thread thread_;  // the last member: it uses the others
 };
 
-// After how long a problem that ended so is sent again on the same stream; nothing where that does not help.
+// Returns after how long a problem with this error is sent again on the same stream; nothing if a retry does
+// not help.
 std::optional<Seconds> pause_after(const v1::SolveBatchResponse& response) {
   if (!response.has_error()) return std::nullopt;
   if (response.error().code() == grpc::StatusCode::UNAVAILABLE) return kLeaving;
@@ -108,7 +109,7 @@ class Batch {
   }
 
  private:
-  // From server to server.
+  // Runs from server to server until all is done.
   Expected<void> to_the_end() {
     while (true) {
       const grpc::Status status = one_stream();
@@ -130,7 +131,7 @@ class Batch {
     const std::stop_callback cancel_on_stop(controls_.stop, [&context] { context.TryCancel(); });
     const auto stream = connection_.solver().SolveBatch(&context);
     const int number = queue_.begin_stream();
-    // Flow control may stop the writing until answers have been read.
+    // Flow control may block the writer until results have been read.
     std::thread writer([&] { write(*stream, number); });
     for (v1::SolveBatchResponse response; stream->Read(&response);) take(response, context);
     queue_.end_stream();

@@ -131,7 +131,7 @@ const std::string& Client::address() const {
 
 namespace {
 
-// One for the process: a connection a solve would cost more than a small solve.
+// One client per process: a connection per solve would cost more than a small solve.
 class EnvironmentClient {
  public:
   [[nodiscard]] Expected<std::shared_ptr<const Client>> get() {
@@ -152,7 +152,7 @@ class EnvironmentClient {
   Mutex mutex_;
   std::string address_ ABSL_GUARDED_BY(mutex_);
   ConnectOptions options_ ABSL_GUARDED_BY(mutex_);
-  std::shared_ptr<const Client> client_ ABSL_GUARDED_BY(mutex_);  // calls that still run keep an older one
+  std::shared_ptr<const Client> client_ ABSL_GUARDED_BY(mutex_);  // running calls keep an older one
 };
 
 }  // namespace

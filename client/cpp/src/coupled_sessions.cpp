@@ -1,4 +1,4 @@
-// Coupled problems whose blocks are sessions, dealt to the servers that a client knows.
+// Solves coupled problems whose blocks are sessions, distributed over the servers of a client.
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -17,18 +17,18 @@ namespace {
 
 constexpr double kForever_s = 1e8;  // no limit is sent
 
-// What all blocks of one solve share.
+// Shared by all blocks of one solve.
 struct Servers {
-  const Client& any;          // whichever server takes it, tried again where none does
+  const Client& any;          // any server, retried if none accepts
   std::vector<Client> each;   // one server each, tried once
-  const BlockSessions& seen;  // how they see it
+  const BlockSessions& seen;  // how servers see the sessions
   const Options& options;
   std::stop_token stop;
   std::chrono::steady_clock::time_point begun;
   std::atomic<std::size_t> next{0};
   std::atomic<std::int32_t> repeated{0};
 
-  // The time limit counts from when all began.
+  // The time limit counts from the start of the whole solve.
   [[nodiscard]] Options left() const {
     Options limited = options;
     const std::chrono::duration<double> past = std::chrono::steady_clock::now() - begun;
@@ -38,8 +38,8 @@ struct Servers {
   }
 };
 
-// A session where its memory is where the block is. A set-up has z, and no multipliers: where a block has to
-// begin on the branch of an answer that no session knows, its steps are solves of their own.
+// A session that keeps its memory at the block's server. A set-up has z, but no multipliers: if a block must
+// start on the branch of a solution that no session has, its steps are separate solves.
 class BlockSession final : public BlockSolver {
  public:
   BlockSession(Servers& servers, const LiftedBlock& block)
@@ -72,7 +72,7 @@ class BlockSession final : public BlockSolver {
   }
 
  private:
-  // The servers one after the other, from the one where the block is.
+  // Tries the servers one after the other, starting with the block's server.
   template <class Ask>
   auto anywhere(const Ask& ask) {
     auto answer = ask(servers_.each[at_]);
@@ -130,13 +130,13 @@ class BlockSession final : public BlockSolver {
 
   Servers& servers_;
   const LiftedBlock& block_;
-  std::size_t at_;  // its server
+  std::size_t at_;  // the block's server
   std::optional<Session> session_;
-  std::vector<double> newest_;  // z of what the session has solved last
+  std::vector<double> newest_;  // z of the session's last solution
   bool begun_ = false;
 };
 
-// `solve(controls)`, with blocks on the servers.
+// Runs `solve(controls)` with the blocks on the servers.
 template <class Answer, auto end, class Solve>
 Expected<Answer> by_sessions(const std::shared_ptr<const Connection>& connection, const Client& any,
                              std::vector<Client> each, const Options& options,

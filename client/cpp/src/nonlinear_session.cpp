@@ -1,4 +1,4 @@
-// Subproblems by sessions of a client: here or on its server.
+// Solves subproblems in sessions of a client: in process or on its server.
 #include <chrono>
 
 #include "marble/client.h"

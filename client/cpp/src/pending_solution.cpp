@@ -12,7 +12,7 @@ PendingSolution::PendingSolution(PendingSolution&&) noexcept = default;
 
 PendingSolution& PendingSolution::operator=(PendingSolution&& other) noexcept {
   PendingSolution taken(std::move(other));
-  std::swap(state_, taken.state_);  // what was there is given up
+  std::swap(state_, taken.state_);  // cancels the overwritten solve
   return *this;
 }
 

@@ -9,7 +9,7 @@ Session::Session(Session&&) noexcept = default;
 
 Session& Session::operator=(Session&& other) noexcept {
   Session taken(std::move(other));
-  std::swap(state_, taken.state_);  // what was there is given up
+  std::swap(state_, taken.state_);  // cancels the overwritten session
   return *this;
 }
 

@@ -19,9 +19,8 @@
 namespace marble::formats {
 namespace {
 
-constexpr std::size_t kLibraryBytes = std::size_t{256}
-                                      << 20;  // that libmatio and HDF5 may take for themselves
-constexpr rlim_t kSeconds = 60;               // of processor time, and one more a MiB
+constexpr std::size_t kLibraryBytes = std::size_t{256} << 20;  // for libmatio and HDF5 themselves
+constexpr rlim_t kSeconds = 60;                                // of processor time, and one more per MiB
 
 struct CloseFile {
   void operator()(mat_t* file) const { Mat_Close(file); }
@@ -72,7 +71,7 @@ Expected<ProblemFile> read_here(const std::string& path, const std::string& name
   return assemble_lcqpow(read, name);
 }
 
-// Memory that this process has and may have `bytes` more.
+// Limits the memory to what this process has plus `bytes`.
 void bound_memory(std::size_t bytes) {
   std::size_t pages = 0;
   std::ifstream("/proc/self/statm") >> pages;
@@ -83,8 +82,8 @@ void bound_memory(std::size_t bytes) {
   setrlimit(RLIMIT_AS, &now);
 }
 
-// What is read goes through a file in memory: the problem as JSON, which keeps every bit, or the parts of the
-// error.
+// The result is passed through a file in memory: the problem as JSON, which keeps every bit, or the parts of
+// the error.
 constexpr char kProblem = 'P', kError = 'E', kEnd = '\0';
 
 std::string to_text(const Expected<ProblemFile>& file) {
@@ -129,12 +128,12 @@ std::string read_all(int file) {
   return text;
 }
 
-// The end of the process that reads. Nothing of what it inherited may run: not even its destructors.
+// The body of the child process that reads. It must not run any inherited code, not even destructors.
 [[noreturn]] void read_in_child(int out, const std::string& path, const std::string& name,
                                 std::size_t length) {
   const int nothing = open("/dev/null", O_WRONLY | O_CLOEXEC);
   dup2(nothing, STDOUT_FILENO);
-  dup2(nothing, STDERR_FILENO);  // HDF5 prints what it stumbles over
+  dup2(nothing, STDERR_FILENO);  // HDF5 prints its errors
   const rlimit no_core = {0, 0};
   setrlimit(RLIMIT_CORE, &no_core);
   const rlim_t seconds = kSeconds + length / (1 << 20);

@@ -1,4 +1,4 @@
-// MATLAB's files of version 7.3, which are HDF5.
+// Reads MATLAB's files of version 7.3, which are HDF5.
 #pragma once
 
 #include <string>
@@ -10,8 +10,8 @@ namespace marble::formats {
 
 [[nodiscard]] bool is_mat73(std::string_view bytes);
 
-/// As read_mat. libmatio and HDF5 read it, in a process of their own with bounds on memory and time: what
-/// they do with a broken file is their own end alone. `length` is the file's.
+/// Reads as read_mat. libmatio and HDF5 run in a child process with bounds on memory and time: a broken file
+/// can only end that process. `length` is the file's.
 [[nodiscard]] Expected<ProblemFile> read_mat73(const std::string& path, const std::string& name,
                                                std::size_t length);
 

@@ -15,7 +15,7 @@ namespace marble::formats {
 namespace {
 
 constexpr std::size_t kHeader4 = 20, kHeader5 = 128;
-constexpr std::size_t kNameIsWithin = 1024;  // bytes of a variable of version 5
+constexpr std::size_t kNameIsWithin = 1024;  // bytes of a version 5 variable
 constexpr std::uint32_t kCompressed = 15, kMatrix = 14;
 constexpr std::uint32_t kSparseClass = 5, kDoubleClass = 6;
 constexpr std::uint32_t kComplexFlag = 0x0800;
@@ -32,7 +32,7 @@ Number load(std::string_view bytes, std::size_t at, bool swapped) {
   return std::bit_cast<Number>(raw);
 }
 
-// How numbers are stored; of version 5, by the numbers of its types.
+// The storage type of numbers; for version 5, its type numbers.
 enum class Storage : std::uint32_t {
   int8 = 1,
   uint8 = 2,
@@ -74,7 +74,7 @@ std::size_t width_of(Storage storage) {
   return 0;
 }
 
-// The first `count` numbers; nothing if there are fewer, or they are none.
+// Returns the first `count` numbers; nothing if there are fewer, or the type is not numeric.
 std::optional<std::vector<double>> numbers(Storage storage, std::string_view bytes, std::size_t count,
                                            bool swapped) {
   switch (storage) {
@@ -112,7 +112,7 @@ TableMatrix table_of_numbers(Index rows, Index columns, const std::vector<double
   return table;
 }
 
-// Up to `most` bytes of a zlib stream; what could be unpacked before a fault in it.
+// Returns up to `most` bytes of a zlib stream; those before an error in it.
 std::string unpack(std::string_view packed, std::size_t most) {
   std::string bytes;
   z_stream stream = {};
@@ -139,7 +139,7 @@ struct Element {
   std::string_view data;
 };
 
-// The elements of version 5, one after the other.
+// Iterates over the elements of version 5.
 class Elements {
  public:
   Elements(std::string_view bytes, bool swapped) : rest_(bytes), swapped_(swapped) {}
@@ -147,11 +147,11 @@ class Elements {
   [[nodiscard]] bool at_end() const { return rest_.empty(); }
   [[nodiscard]] std::size_t left() const { return rest_.size(); }
 
-  // Nothing if it is cut off. `partly`: then what is there of it.
+  // Returns nothing if the element is cut off; with `partly`, its existing part.
   std::optional<Element> next(bool partly = false) {
     if (rest_.size() < 8) return std::nullopt;
     const auto type = load<std::uint32_t>(rest_, 0, swapped_);
-    if (type >> 16 != 0) {  // a small one: its size is in the tag, its data too
+    if (type >> 16 != 0) {  // a small element: size and data are in the tag
       const std::size_t size = type >> 16;
       if (size > 4) return std::nullopt;
       const Element element{type & 0xffff, rest_.substr(4, size)};
@@ -171,7 +171,7 @@ class Elements {
   bool swapped_;
 };
 
-// What a variable of version 5 begins with.
+// The header of a version 5 variable.
 struct Head5 {
   std::uint32_t flags = 0;
   std::vector<std::int32_t> extents;
@@ -187,7 +187,7 @@ std::optional<Head5> take_head(Elements& parts, bool swapped) {
   return head;
 }
 
-// A size that the file may have, of a matrix.
+// True if a matrix in the file may have this size.
 bool is_size(double value, std::size_t length) {
   return value >= 0.0 && value <= static_cast<double>(std::min<std::size_t>(most_rows(length), 0x7fffffff)) &&
          value == std::floor(value);
@@ -233,7 +233,7 @@ Expected<std::optional<TableMatrix>> read_version_5(std::string_view bytes, cons
   return table_of_columns(name, rows, columns, integers(*starts), integers(*indices), *values);
 }
 
-// What a variable of version 4 begins with.
+// The header of a version 4 variable.
 struct Head4 {
   std::uint32_t type = 0, rows = 0, columns = 0, imaginary = 0, name_length = 0;
   bool swapped = false;
@@ -267,7 +267,7 @@ Expected<std::optional<TableMatrix>> read_version_4(std::string_view bytes, cons
   if (head.imaginary != 0) return refuse("complex", "must be real");
   if (head.type % 10 == 1) return refuse("text", "must hold numbers");
   if (head.rows == 0 || head.columns == 0) return TableMatrix{};
-  // Both are within the file, as find_version_4 has seen.
+  // find_version_4 has checked that both are within the file.
   const std::size_t count = std::size_t{head.rows} * head.columns;
   const auto values = numbers(head.storage(), bytes, count, head.swapped);
   if (!values) return refuse("", kEndsTooSoon);
@@ -275,7 +275,7 @@ Expected<std::optional<TableMatrix>> read_version_4(std::string_view bytes, cons
     if (!is_size(head.rows, length) || !is_size(head.columns, length)) return refuse("", "is too large");
     return table_of_numbers(static_cast<Index>(head.rows), static_cast<Index>(head.columns), *values);
   }
-  // Rows, columns and values from 1, one below the other; the last of each are the sizes.
+  // Rows, columns and values are columns, counted from 1; the last entry of each is the size.
   if (head.columns == 4) return refuse("complex", "must be real");
   if (head.columns != 3) return refuse("", "must have three columns: it is sparse");
   const std::size_t last = head.rows - 1;
@@ -305,7 +305,7 @@ Error fault_at(std::size_t byte, const std::string& bound) {
 
 Expected<MatFile> MatFile::open(std::string_view bytes) {
   MatFile file(bytes);
-  // A text of 116 bytes begins version 5; in version 4 a small number does.
+  // Version 5 begins with a text of 116 bytes, version 4 with a small number.
   file.version_4_ = bytes.size() >= 4 && bytes.substr(0, 4).find('\0') != std::string_view::npos;
   const auto found = file.version_4_ ? file.find_version_4(bytes) : file.find_version_5(bytes);
   if (!found) return unexpected(found.error());
@@ -322,7 +322,7 @@ Expected<void> MatFile::find_version_4(std::string_view bytes) {
     if (!head.is_known() || width == 0) return unexpected(fault_at(at, "is no variable of MATLAB 4"));
     const std::size_t parts = head.imaginary != 0 && !head.is_sparse() ? 2 : 1;
     const std::size_t after_name = kHeader4 + head.name_length;
-    // Each factor is compared for itself: their product may not fit.
+    // Compares each factor separately: their product may overflow.
     std::size_t room = after_name <= rest.size() ? (rest.size() - after_name) / (width * parts) : 0;
     if (head.columns != 0) room /= head.columns;
     if (after_name > rest.size() || (head.columns != 0 && head.rows > room))

@@ -1,5 +1,5 @@
-// The variables of MATLAB's files of version 4 and 5 (which 6 and 7 write too), from their bytes: "MAT-File
-// Format", The MathWorks. Our own reader, and not libmatio, because that one trusts sizes and indices of the
+// Reads the variables of MATLAB's files of version 4 and 5 (also written by 6 and 7) from their bytes:
+// "MAT-File Format", The MathWorks. This is our own reader because libmatio trusts sizes and indices of the
 // file.
 #pragma once
 
@@ -14,16 +14,16 @@ namespace marble::formats {
 
 class MatFile {
  public:
-  /// Finds the variables; `bytes` must outlive what is returned.
+  /// Finds the variables; `bytes` must outlive the result.
   [[nodiscard]] static Expected<MatFile> open(std::string_view bytes);
 
-  /// The first matrix of that name, of real numbers; nothing if there is none. Indices are within the matrix,
-  /// and its size is in proportion to the file's (file_limits.h). The error's field is `name`.
+  /// Returns the first real matrix with that name; nothing if there is none. Indices are within the matrix,
+  /// and its size is proportional to the file's (file_limits.h). The error's field is `name`.
   [[nodiscard]] Expected<std::optional<TableMatrix>> read(const std::string& name) const;
 
  private:
-  // Where a variable is: of version 4 its header and all that follows, of version 5 the content of its
-  // element.
+  // The position of a variable: for version 4 its header and the rest of the file, for version 5 the content
+  // of its element.
   struct Place {
     std::string_view bytes;
     bool packed = false;
@@ -38,8 +38,8 @@ class MatFile {
   std::map<std::string, Place, std::less<>> variables_;
 };
 
-/// The matrix of compressed columns, whose arrays come from a file: all of it is checked. `name` is the
-/// error's field.
+/// Returns the matrix of compressed columns, whose arrays come from a file and are checked completely. `name`
+/// is the error's field.
 template <class Starts, class Rows>
 [[nodiscard]] Expected<TableMatrix> table_of_columns(const std::string& name, Index rows, Index columns,
                                                      const Starts& starts, const Rows& indices,

@@ -16,14 +16,14 @@ namespace {
 constexpr const char* kParts[] = {"Q", "g", "A", "b", "C", "d", "L", "l", "R", "r", "c0", "x0"};
 constexpr std::size_t kMost = 0x7fffffff;
 
-/// What the first line says: %%MatrixMarket matrix coordinate real general, and the other words it may have.
+/// The content of the first line: %%MatrixMarket matrix coordinate real general, and its variants.
 struct Banner {
   bool coordinate = false, symmetric = false, skew = false;
 };
 
 class Reader {
  public:
-  // `most` rows and columns.
+  // Accepts at most `most` rows and columns.
   Reader(std::string_view content, std::string part, std::int64_t most)
       : rest_(content), part_(std::move(part)), most_(most) {}
 
@@ -112,7 +112,7 @@ class Reader {
   }
   double real() { return failed_ ? 0.0 : number<double>("must hold a number"); }
 
-  // The other triangle is implied.
+  // Adds an entry, and the implied one of the other triangle.
   void add(TableMatrix& table, const Banner& banner, Index row, Index column, double value) {
     if (failed_) return;
     if (banner.symmetric && table.rows != table.columns) return fail("must be square: it is symmetric");
@@ -132,7 +132,7 @@ std::string path_of(const std::string& folder, const char* part) {
   return (std::filesystem::path(folder) / part).string() + ".mtx";
 }
 
-// The shortest text that keeps every bit.
+// Appends the shortest text that keeps every bit.
 void append(std::string& text, double value) {
   std::array<char, 32> digits;
   text.append(digits.data(), std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr);

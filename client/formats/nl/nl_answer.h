@@ -1,4 +1,4 @@
-// Answers of an LCQP in the terms of the .nl file it was read from, and back.
+// Converts solutions of an LCQP to the terms of its .nl file, and back.
 #pragma once
 
 #include <span>
@@ -9,22 +9,22 @@
 
 namespace marble::formats {
 
-/// Multipliers of an LCQP by its parts; none where a part is empty.
+/// Multipliers of an LCQP by its parts; empty for an empty part.
 struct MultiplierView {
   std::span<const double> equality, inequality, left, right;
 
   [[nodiscard]] static MultiplierView of(const Solution& solution);
-  /// Of a certificate of infeasibility: y, ν, ξ, η stacked.
+  /// Views a certificate of infeasibility: y, ν, ξ, η stacked.
   [[nodiscard]] static MultiplierView stacked(const OwnedProblem& problem, std::span<const double> values);
 };
 
-/// The sums of the terms, of `count` rows or variables, times `sign`.
+/// Returns the sums of the terms over `count` rows or variables, times `sign`.
 [[nodiscard]] std::vector<double> sums(const std::vector<DualTerm>& terms, std::size_t count,
                                        const MultiplierView& multipliers, double sign = 1.0);
 
-/// An answer to begin with, from the file's initial point and dual values: the multipliers of rows are the
-/// dual values', those of bounds and of the pairs' right sides what is left of the gradient where the bound
-/// holds. Both must be there.
+/// Returns a start from the file's initial point and dual values. The multipliers of rows are the dual
+/// values; those of bounds and of the pairs' right sides are the rest of the gradient, if the bound is
+/// active. The file must have both.
 [[nodiscard]] Solution initial_answer(const NlProblem& nl);
 
 }  // namespace marble::formats

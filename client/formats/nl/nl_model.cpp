@@ -44,8 +44,8 @@ class Assembly {
   }
 
   // "5 k i". AMPL's own readers take the row's bounds from k alone (ASL's fg_read.c: lower k & 2 ? -inf : 0,
-  // upper k & 1 ? inf : 0). Whatever else the variable is bounded by is a plain bound: Pyomo writes k = 1 for
-  // one with two. `plain_` keeps the bounds that no pair holds.
+  // upper k & 1 ? inf : 0). Any other bound of the variable is a plain bound: Pyomo writes k = 1 for a
+  // variable with two bounds. `plain_` has the bounds that no pair imposes.
   Expected<void> add_complementarity(std::size_t index) {
     const int variable = model_.row_bounds[index].complements, sides = model_.row_bounds[index].sides;
     const auto row_number = static_cast<Index>(index);
@@ -60,11 +60,11 @@ class Assembly {
     if (upper && given.high == kInfinity) return refuse("must complement a variable with an upper bound");
     if (sides == 0 && (given.low > -kInfinity || given.high < kInfinity))
       return refuse("must complement a variable without bounds");
-    if (given.low == given.high) {  // the variable stands still: its row may do what the sides allow
+    if (given.low == given.high) {  // the variable is fixed: the sides alone restrict its row
       if (sides == kBothSides) return {};
       return add_row(row, upper ? -kInfinity : 0.0, lower ? kInfinity : 0.0, row_number);
     }
-    if (!(given.low < given.high)) return {};  // the bounds' own row is refused
+    if (!(given.low < given.high)) return {};  // the bounds' own row is rejected
     const Index pair = parts_.pairs();
     if (sides == kBothSides) {
       made_.row_duals.push_back({row_number, Block::equality, parts_.equalities(), -1.0});
@@ -88,7 +88,7 @@ class Assembly {
     return {};
   }
 
-  // As add_range, whose order of rows it relies on; the terms of its dual value go to `duals`.
+  // As add_range, and relies on its order of rows; appends the terms of the dual value to `duals`.
   Expected<void> add_bounded(const AffineRow& row, double low, double high, const char* field, Index index,
                              std::vector<DualTerm>& duals) {
     const Index equality = parts_.equalities();
@@ -107,7 +107,7 @@ class Assembly {
     return add_bounded(row, low, high, "r", index, made_.row_duals);
   }
 
-  // Refused by the same rule as rows of them would be.
+  // Rejects by the same rule as rows of these bounds would be.
   Expected<void> keep_bounds(Index index, const NlBounds& bounds) {
     made_.bounds.emplace_back(bounds.low, bounds.high);
     return Assembler(index + 1).add_range(AffineRow::variable(index), bounds.low, bounds.high, "b", index);
@@ -132,7 +132,7 @@ class Assembly {
     return {};
   }
 
-  // The parts p and q of a mixed row begin where the row is p − q.
+  // The parts p and q of a mixed row start such that p − q is the row.
   void take_initial_point() {
     if (model_.initial.empty()) return;
     for (const Index row : mixed_) {
@@ -148,7 +148,7 @@ class Assembly {
   const NlNames& names_;
   Assembler parts_;
   NlProblem made_;
-  std::vector<NlBounds> plain_;  // of variables, those that no pair holds
+  std::vector<NlBounds> plain_;  // of variables, those that no pair imposes
   std::vector<Index> mixed_;     // rows with two pairs, in the order of their variables
 };
 
@@ -167,7 +167,7 @@ Error NlPlace::named(Error error, const NlNames& names) const {
     case Kind::objective:
       error.bound += ", in the objective";
       break;
-    case Kind::definition:  // of a subexpression: no row's alone
+    case Kind::definition:  // of a subexpression: belongs to no single row
       error.bound += ", in defined variable v" + std::to_string(index);
       break;
   }

@@ -1,4 +1,4 @@
-// What an .nl file says, read but not yet an LCQP.
+// Holds the content of an .nl file before its conversion to an LCQP.
 #pragma once
 
 #include <string>
@@ -12,14 +12,14 @@
 
 namespace marble::formats {
 
-/// The k of "5 k i": which bounds of variable i the row complements.
+/// The k of "5 k i": the bounds of variable i that the row complements.
 enum Sides : int { kLowerSide = 1, kUpperSide = 2, kBothSides = 3 };
 
-/// Of a row or a variable.
+/// Bounds of a row or a variable.
 struct NlBounds {
   double low = -kInfinity, high = kInfinity;
   int complements = -1;  ///< the variable that the row complements
-  int sides = 0;         ///< with regard to which of its bounds
+  int sides = 0;         ///< the complemented bounds of that variable
 };
 
 /// A row, a variable or another part of the model.
@@ -28,21 +28,21 @@ struct NlPlace {
   Kind kind = Kind::none;
   int index = 0;
 
-  /// The error, and whose it is.
+  /// Returns the error with the name of its row or variable.
   [[nodiscard]] Error named(Error error, const NlNames& names) const;
 };
 
-/// Rows and objective as polynomials, by the file's own numbers.
+/// Rows and objective as polynomials, in the file's own numbering.
 struct NlModel {
   bool maximize = false;
   Quadratic objective = {};
   std::vector<Quadratic> rows = {};  ///< linear
   std::vector<NlBounds> row_bounds = {}, bounds = {};
   std::vector<double> initial = {}, duals = {};  ///< by variable and by row, or empty
-  bool bounds_apart = false;                     ///< into NlProblem::bounds, not into the LCQP
+  bool bounds_apart = false;  ///< whether bounds go to NlProblem::bounds, not into the LCQP
 };
 
-/// Errors: bounds or conditions that contradict themselves, by their rows and variables.
+/// Errors: contradictory bounds or conditions, by their rows and variables.
 [[nodiscard]] Expected<NlProblem> as_lcqp(NlModel model, const std::string& name, const NlNames& names);
 
 }  // namespace marble::formats

@@ -1,4 +1,4 @@
-// What AMPL's auxiliary files call the rows and variables of an .nl file.
+// Reads the names of rows and variables from the auxiliary files of an .nl file.
 #pragma once
 
 #include <string>
@@ -6,17 +6,17 @@
 
 namespace marble::formats {
 
-/// Names in the file's order; fewer than there are rows or variables where they are not known.
+/// Names in the file's order; fewer than rows or variables if they are unknown.
 struct NlNames {
   std::vector<std::string> rows = {};     ///< constraints, then objectives
   std::vector<std::string> columns = {};  ///< variables
 
-  /// Of STUB.row and STUB.col, a name a line; none of what is not there.
+  /// Reads STUB.row and STUB.col, a name per line; a missing file gives no names.
   [[nodiscard]] static NlNames beside(const std::string& stub);
 
-  /// "balance[3] (C7)", or "C7" where it has no name.
+  /// Returns "balance[3] (C7)", or "C7" without a name.
   [[nodiscard]] std::string row(int index) const;
-  /// "x[3] (v7)", or "v7".
+  /// Returns "x[3] (v7)", or "v7".
   [[nodiscard]] std::string column(int index) const;
 };
 

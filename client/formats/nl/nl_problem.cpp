@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kMany = 0x7fffffff;
 
-// Operators of .nl expressions that keep to degree two.
+// Operators of .nl expressions of degree at most two.
 enum Operator : int {
   kPlus = 0,
   kMinus = 1,
@@ -58,8 +58,8 @@ class NlReader final : NlSegments {
     model_.objective.linear[variable] += coefficient;
   }
 
-  // Defined variables and products let a short file ask for any number of terms: those that are held at a
-  // time are bounded.
+  // With defined variables and products a short file can produce any number of terms: the number of live ones
+  // is bounded.
   bool has_room(std::size_t terms) {
     if (held_ + terms <= most_terms_) return true;
     in_.fail("expression", std::to_string(held_ + terms) + " terms",
@@ -70,7 +70,7 @@ class NlReader final : NlSegments {
   void add(Quadratic value, Quadratic& sum, double factor = 1.0) {
     if (has_room(value.terms() + sum.terms())) sum.add(std::move(value), factor);
   }
-  // For good, as a row, a defined variable or the objective.
+  // Keeps the value permanently, as a row, a defined variable or the objective.
   void keep(Quadratic value, Quadratic& part) {
     const std::size_t terms = value.terms();
     add(std::move(value), part);

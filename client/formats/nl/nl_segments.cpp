@@ -7,7 +7,7 @@ namespace {
 
 constexpr int kMany = 0x7fffffff;
 
-// What people call operators that no LCQP has (Gay, table 5).
+// Names of operators that no LCQP has (Gay, table 5).
 struct NamedOperator {
   int code;
   const char* name;
@@ -80,7 +80,7 @@ void NlSegments::check_header() {
   refuse(header_.logical_constraints, "logical constraints");
   if (header_.objectives > 1)
     in_.fail("header", std::to_string(header_.objectives) + " objectives", "must be one at most");
-  // Every variable and every constraint has a bound of a byte at least.
+  // Every variable and every constraint has a bound of at least one byte.
   if (at(header_.variables) + at(header_.constraints) > length_) {
     in_.fail("header",
              std::to_string(header_.variables) + " variables, " + std::to_string(header_.constraints) +
@@ -89,8 +89,7 @@ void NlSegments::check_header() {
   }
 }
 
-// A file that was cut at a segment's end is a file still, but of another problem. (Rows that are linear
-// need no C.)
+// A file cut off at a segment's end is still valid, but another problem. (Linear rows need no C.)
 void NlSegments::check_complete() {
   const auto need = [&](const char* key, std::int64_t there, std::int64_t told) {
     if (there >= told) return;
@@ -235,7 +234,7 @@ NlBounds NlSegments::bound(const char* what, bool may_complement) {
   return bounds;
 }
 
-// Of the initial point, or of the dual values; what is not told is 0.
+// Reads the initial point or the dual values; missing values are 0.
 void NlSegments::numbers(char key, int size, std::vector<double>& values) {
   const char what[] = {key, '\0'};
   values.assign(at(size), 0.0);
@@ -252,7 +251,8 @@ void NlSegments::skip_pairs(int count) {
   }
 }
 
-// "S kind count name", then as many pairs; kind 4 and more have real values, which does not matter to text.
+// "S kind count name", then as many pairs; kinds from 4 on have real values, which makes no difference in
+// text.
 void NlSegments::suffix() {
   const int kind = in_.integer("S", 0, 7);
   int count = in_.integer("S", 0, kMany);

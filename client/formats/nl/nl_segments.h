@@ -1,4 +1,4 @@
-// The segments of an .nl file; what its expressions may be, who derives from this decides.
+// Reads the segments of an .nl file; a derived class decides which expressions are allowed.
 #pragma once
 
 #include <string>
@@ -12,7 +12,7 @@
 
 namespace marble::formats {
 
-/// "exp" of 44; empty of those that an LCQP may have, and of what is none.
+/// Returns a name such as "exp" for 44; empty for operators that an LCQP may have, and for unknown ones.
 [[nodiscard]] std::string operator_name(int code);
 
 class NlSegments {
@@ -23,31 +23,31 @@ class NlSegments {
   using Kind = NlPlace::Kind;
   using Terms = std::vector<std::pair<Index, double>>;
 
-  /// `whole`: what the file is to be, in errors ("an LCQP").
+  /// `whole`: what the file must be, for errors ("an LCQP").
   NlSegments(std::string_view content, const NlNames& names, const char* whole)
       : in_(content), names_(names), length_(content.size()), whole_(whole) {}
 
-  /// From the header to the end; sizes of the model are set before the first hook is called. Errors name row
-  /// or variable.
+  /// Reads from the header to the end; the model's sizes are set before the first hook is called. Errors name
+  /// row or variable.
   [[nodiscard]] Expected<void> read_segments();
 
-  /// Each reads the expression that comes next.
+  /// Each reads the next expression.
   virtual void read_row(int row) = 0;
   virtual void read_objective() = 0;
   virtual void read_definition(int index, Terms linear) = 0;
-  /// Of the segments J and G.
+  /// For the segments J and G.
   virtual void add_row_term(int row, Index variable, double coefficient) = 0;
   virtual void add_objective_term(Index variable, double coefficient) = 0;
 
   static std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
-  /// What of the model is being read: a fault names it.
+  /// Sets the current part of the model: an error names it.
   void enter(Kind kind, int index = 0) {
     if (!in_.failed()) place_ = {kind, index};
   }
 
-  /// Into a node of an expression, and out of it again. A fault where it is too deep, or would be with `more`
-  /// inside it.
+  /// Enters a node of an expression; ascend() leaves it. An error if it is too deep, or would be with `more`
+  /// nodes inside.
   void descend(std::size_t more = 0);
   void ascend() { --depth_; }
 
@@ -78,7 +78,7 @@ class NlSegments {
   NlPlace place_;
   struct {
     std::int64_t objectives = 0, row_bounds = 0, bounds = 0, jacobian = 0, gradient = 0;
-  } seen_;  // of what the header tells
+  } seen_;  // of the items that the header announces
 };
 
 }  // namespace marble::formats

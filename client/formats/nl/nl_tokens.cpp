@@ -17,7 +17,7 @@ std::string_view without_comment(std::string_view line) {
   return last == std::string_view::npos ? std::string_view() : line.substr(0, last + 1);
 }
 
-// Takes the first word off a line.
+// Removes the first word from a line and returns it.
 std::string_view take_word(std::string_view& line) {
   const std::size_t begin = line.find_first_not_of(kBlank);
   if (begin == std::string_view::npos) return line = {};
@@ -59,7 +59,7 @@ std::array<int, 6> NlTokens::header_line(int number, int least) {
   return values;
 }
 
-// "3 1 1 0": how many, and they; a number that is none ends them, as in older files.
+// Reads "3 1 1 0": the count and the values; a non-number ends them, as in older files.
 void NlTokens::options_line(std::string_view words, NlHeader& header) {
   constexpr int kMostOptions = 9;
   constexpr int kHasTolerance = 3;
@@ -100,7 +100,7 @@ NlHeader NlTokens::header() {
     fail("header", "arithmetic " + std::to_string(flags[2]), "must be IEEE, little-endian");
   const auto discrete = header_line(7, 2);
   header.integers = std::accumulate(discrete.begin(), discrete.begin() + 5, std::int64_t{0});
-  // Integers are the last of their kind: of variables in constraints and objective, in constraints, in the
+  // Integers are last in each group: of variables in constraints and objective, in constraints, in the
   // objective, and of all (Gay, table 3).
   header.first_integer = header.variables - discrete[0] - discrete[1];
   const int last[] = {nonlinear[2], nonlinear[0], std::max(nonlinear[0], nonlinear[1])};

@@ -1,4 +1,4 @@
-// The tokens of an AMPL .nl file, text or binary: D. M. Gay, "Writing .nl Files" (2005).
+// Reads the tokens of an AMPL .nl file, text or binary: D. M. Gay, "Writing .nl Files" (2005).
 #pragma once
 
 #include <array>
@@ -12,40 +12,40 @@
 
 namespace marble::formats {
 
-/// What the ten lines of the header say, as far as it matters here.
+/// The relevant content of the ten header lines.
 struct NlHeader {
   bool binary = false;
-  std::vector<int> options = {};         ///< of the first line, for the solution to repeat
-  std::optional<double> vb_tolerance{};  ///< after them where the second is 3, to be repeated too
+  std::vector<int> options = {};         ///< from the first line, for the solution to repeat
+  std::optional<double> vb_tolerance{};  ///< after them if the second is 3; also to be repeated
   int variables = 0, constraints = 0, objectives = 0;
   std::int64_t integers = 0;                ///< integer and binary variables
-  int first_integer = 0;                    ///< one of them, where there are any
+  int first_integer = 0;                    ///< one of them, if there are any
   std::int64_t networks = 0;                ///< network constraints
-  int functions = 0;                        ///< imported ones
+  int functions = 0;                        ///< imported functions
   std::int64_t jacobian = 0, gradient = 0;  ///< entries of the segments J, of the segments G
   int logical_constraints = 0;
 };
 
-/// Reads on from where it is. After the first error every token is zero, and error() says what it was.
+/// Reads sequentially. After the first error every token is zero, and error() returns that error.
 class NlTokens {
  public:
   explicit NlTokens(std::string_view content) : rest_(content) {}
 
   [[nodiscard]] NlHeader header();
 
-  /// The letter of the next segment or expression node; '\0' at the end.
+  /// Returns the letter of the next segment or expression node; '\0' at the end.
   char key();
-  /// An integer in [low, high]. `what` names it in the error.
+  /// Returns an integer in [low, high]. `what` names it in the error.
   int integer(const char* what, int low, int high);
   double real(const char* what);
-  /// 's' and 'l' constants of binary files: two or four bytes.
+  /// Returns an 's' or 'l' constant of a binary file: two or four bytes.
   double short_constant(char key);
   /// Skips the name of a suffix.
   void skip_name();
 
   [[nodiscard]] bool failed() const { return failed_; }
   [[nodiscard]] const Error& error() const { return error_; }
-  /// Remembers the first fault; its value tells where in the file it is.
+  /// Remembers the first error; its value gives the position in the file.
   void fail(const std::string& field, const std::string& value, const std::string& bound);
 
  private:

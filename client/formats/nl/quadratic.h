@@ -1,4 +1,4 @@
-// A polynomial of degree two at most, as it grows while an expression is read.
+// Provides a polynomial of degree at most two, built while an expression is read.
 #pragma once
 
 #include <map>
@@ -15,12 +15,12 @@ struct Quadratic {
 
   [[nodiscard]] static Quadratic of(double value) { return {value}; }
   [[nodiscard]] static Quadratic variable(Index index) { return {0.0, {{index, 1.0}}}; }
-  /// 0, 1 or 2.
+  /// Returns 0, 1 or 2.
   [[nodiscard]] int degree() const { return !products.empty() ? 2 : !linear.empty() ? 1 : 0; }
 
   [[nodiscard]] std::size_t terms() const { return linear.size() + products.size(); }
 
-  /// In the time of the smaller one where it can: long sums are nested to the right.
+  /// Takes the time of the smaller operand if possible: long sums are nested to the right.
   void add(Quadratic other, double factor = 1.0) {
     if (factor == 1.0 && other.terms() > terms()) std::swap(*this, other);
     constant += factor * other.constant;
@@ -37,7 +37,7 @@ struct Quadratic {
   }
 };
 
-/// The product, if its degree is two at most.
+/// Computes the product if its degree is at most two.
 [[nodiscard]] inline bool multiply(const Quadratic& a, const Quadratic& b, Quadratic& product) {
   if (a.degree() + b.degree() > 2) return false;
   product = a.times(b.constant);

@@ -6,7 +6,7 @@
 namespace marble::formats {
 namespace {
 
-constexpr int kReal = 4;  // a suffix's values are real: added to what it is of
+constexpr int kReal = 4;  // a suffix's values are real: added to its kind
 
 void add_line(std::string& text, double value) {
   char digits[32];
@@ -41,7 +41,7 @@ std::string sol_text(const SolFile& sol) {
   add_message(text, sol.message);
   const auto options = static_cast<std::int64_t>(sol.options.size());
   text += "Options\n";
-  add_line(text, options + (sol.vb_tolerance ? 2 : 0));  // so a reader knows that the tolerance comes too
+  add_line(text, options + (sol.vb_tolerance ? 2 : 0));  // tells a reader that the tolerance follows
   for (const int option : sol.options) add_line(text, std::int64_t{option});
   add_line(text, std::int64_t{sol.constraints});
   add_line(text, static_cast<std::int64_t>(sol.duals.size()));

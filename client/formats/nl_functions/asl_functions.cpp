@@ -18,14 +18,14 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-// The library leaves by longjmp where there is an error, past C alone: `call` must hold nothing to destroy.
-// False where it did.
+// The library reports errors by longjmp, over C frames only: `call` must hold nothing with a destructor.
+// Returns false on an error.
 template <class Call>
 bool reaches_end(ASL* asl, const Call& call) {
   Jmp_buf back;
   if (setjmp(back.jb) != 0) {
     asl->i.err_jmp_ = asl->i.err_jmp1_ = nullptr;
-    asl->i.x0kind_ = ASL_first_x;  // what it knows of the point may be half of it
+    asl->i.x0kind_ = ASL_first_x;  // its state for the point may be incomplete
     return false;
   }
   asl->i.err_jmp_ = asl->i.err_jmp1_ = &back;
@@ -34,7 +34,7 @@ bool reaches_end(ASL* asl, const Call& call) {
   return true;
 }
 
-// The library sets the precision of the processor's extended numbers when it opens a file.
+// The library sets the precision of the processor's extended numbers when it opens a file; this restores it.
 class KeptFloatingPoint {
  public:
   KeptFloatingPoint() { fegetenv(&environment_); }
@@ -46,7 +46,7 @@ class KeptFloatingPoint {
   fenv_t environment_ = {};
 };
 
-// The library opens files by their name alone.
+// The library opens files only by name.
 class TemporaryFile {
  public:
   [[nodiscard]] static Expected<TemporaryFile> of(const std::string& content) {
@@ -73,7 +73,7 @@ class TemporaryFile {
   ~TemporaryFile() {
     if (!path_.empty()) unlink(path_.c_str());
   }
-  /// Without its ending.
+  /// Returns the path without the extension.
   [[nodiscard]] std::string stub() const { return path_.substr(0, path_.size() - 3); }
 
  private:
@@ -81,7 +81,7 @@ class TemporaryFile {
   std::string path_;
 };
 
-// One reading of the file. The library asks for a point by a pointer to what is not constant, and leaves it.
+// One loaded copy of the file. The library takes a point by a non-const pointer, but does not change it.
 class Reading {
  public:
   Reading() = default;
@@ -95,7 +95,7 @@ class Reading {
     asl_ = ASL_alloc(kind);
     if (asl_ == nullptr)
       return unexpected(failure(ErrorCode::resource_exhausted, "no memory for the functions"));
-    asl_->i.return_nofile_ = 3;  // neither a missing file nor a faulty header ends the process
+    asl_->i.return_nofile_ = 3;  // neither a missing file nor an invalid header ends the process
     FILE* stream = nullptr;
     int fault = 0;
     const bool came = reaches_end(asl_, [&] {
@@ -125,7 +125,8 @@ class Reading {
     return asked([&](fint* failed) { value = asl_->p.Conival(asl_, index, point(x), failed); }) ? value
                                                                                                 : kNaN;
   }
-  /// Whether the library did what `ask` asks for; else it is to forget the point, which it may know by half.
+  /// Returns whether the library evaluated `ask`; on failure it discards the point, whose state may be
+  /// incomplete.
   template <class Ask>
   [[nodiscard]] bool asked(const Ask& ask) const {
     fint failed = 0;
@@ -141,11 +142,11 @@ class Reading {
 }  // namespace
 
 struct AslFunctions::Library {
-  Reading first, second;  ///< derivatives: the reading for second ones has wrong first ones at times
+  Reading first, second;  ///< derivatives: the copy for second ones sometimes has wrong first ones
   std::size_t n = 0, m = 0;
   SparseMatrix jacobian, hessian;
   std::vector<double> given;       ///< second derivatives in the library's order
-  std::vector<std::size_t> order;  ///< of the hessian's entries: where they are in `given`
+  std::vector<std::size_t> order;  ///< positions of the hessian's entries in `given`
   std::vector<double> rows, y;     ///< scratch
 
   [[nodiscard]] Expected<void> read(const std::string& content);
@@ -224,7 +225,7 @@ double AslFunctions::row(std::size_t index, std::span<const double> x) {
   return library_->first.row(static_cast<int>(index), x);
 }
 
-// Values come first: asked for by the library itself, what they lack would be told on standard error.
+// Evaluates values first: if the library does it itself, it prints missing values on standard error.
 void AslFunctions::gradient(std::span<const double> x, std::span<double> values) {
   const Reading& of = library_->first;
   ASL* const asl = of.asl();

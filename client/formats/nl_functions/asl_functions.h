@@ -1,4 +1,5 @@
-// Functions of an .nl file and their derivatives, by AMPL's library (ASL): the only file that knows it.
+// Evaluates functions of an .nl file and their derivatives with AMPL's library (ASL); the only file that uses
+// it.
 #pragma once
 
 #include <memory>
@@ -11,11 +12,11 @@
 
 namespace marble::formats {
 
-/// n variables, m rows. What has no value at a point is NaN there. Not for several threads at a time.
+/// Has n variables and m rows. An undefined value at a point is NaN. Not thread-safe.
 class AslFunctions {
  public:
-  /// Of a file that read_expressions() wrote. Errors: internal (the library does not take it),
-  /// resource_exhausted (no place for a temporary file, no memory).
+  /// Opens a file that read_expressions() wrote. Errors: internal (the library rejects it),
+  /// resource_exhausted (no space for a temporary file, no memory).
   [[nodiscard]] static Expected<AslFunctions> open(const std::string& content);
   AslFunctions(AslFunctions&&) noexcept;
   AslFunctions& operator=(AslFunctions&&) noexcept;
@@ -26,7 +27,7 @@ class AslFunctions {
   [[nodiscard]] double row(std::size_t index, std::span<const double> x);
   void gradient(std::span<const double> x, std::span<double> values);
 
-  /// m × n, its pattern fixed; rows ascend within a column.
+  /// m × n, with a fixed pattern; rows ascend within a column.
   [[nodiscard]] const SparseMatrix& jacobian(std::span<const double> x);
   /// ∇²(weight · objective + Σ y_i row_i), n × n, its upper triangle with a fixed pattern; rows ascend.
   [[nodiscard]] const SparseMatrix& hessian(std::span<const double> x, double weight,

@@ -15,8 +15,8 @@ namespace marble::formats {
 namespace {
 
 constexpr int kMany = 0x7fffffff;
-constexpr std::size_t kLongest = 512;         // bytes of a defined variable that is put in where it is used
-constexpr std::size_t kLeastOfOperation = 5;  // bytes, with what is inside it besides
+constexpr std::size_t kLongest = 512;         // bytes of a defined variable that is inlined
+constexpr std::size_t kLeastOfOperation = 5;  // bytes, in addition to its operands
 
 // Gay, "Writing .nl Files", table 5.
 enum Operator : int {
@@ -44,7 +44,7 @@ enum Operator : int {
 };
 constexpr int kComparisons[] = {22, 23, 24, 28, 29, 30};
 
-/// Numbers of the machine's own, as the library reads them.
+/// Numbers in the machine's byte order, as the library reads them.
 class BinaryText {
  public:
   BinaryText& key(char c) { return text_ += c, *this; }
@@ -67,10 +67,10 @@ class BinaryText {
   std::string text_;
 };
 
-/// What is known of an expression without its values.
+/// Bounds on an expression, without its values.
 struct Shape {
-  std::size_t variables = 0;  ///< at most that many in it
-  std::size_t entries = 0;    ///< that its second derivatives have at most
+  std::size_t variables = 0;  ///< at most as many variables in it
+  std::size_t entries = 0;    ///< at most as many in its second derivatives
   std::optional<double> constant = {};
 };
 
@@ -164,23 +164,23 @@ class Rewriter final : NlSegments {
   }
 
  private:
-  /// A row or the objective: its expression as it is to be read again, and its linear part.
+  /// A row or the objective: its expression to be written, and its linear part.
   struct Part {
     std::string expression;
-    std::map<Index, double> linear;  // with a zero where a variable is in the expression alone
+    std::map<Index, double> linear;  // with a zero if a variable is only in the expression
   };
-  // A defined variable: its expression, or the variable that stands for it.
+  // A defined variable: its expression, or the variable that replaces it.
   struct Definition {
     std::string text;
     Shape shape;
-    std::vector<Index> variables;  // in it
+    std::vector<Index> variables;  // in the expression
   };
 
   void read_row(int row) override { read_part(rows_at(row)); }
   void read_objective() override { read_part(objective_); }
 
-  // The library's second derivatives are wrong where defined variables are within each other, so it is given
-  // none: a short one is put in where it is used. A long one becomes a variable, held by a row of its own.
+  // The library's second derivatives are wrong for nested defined variables, so it gets none: a short one is
+  // inlined. A long one becomes a variable, defined by its own row.
   void read_definition(int index, Terms linear) override {
     BinaryText text;
     if (linear.size() == 1) text.operation(kPlus);
@@ -241,7 +241,7 @@ class Rewriter final : NlSegments {
     return number;
   }
 
-  // Variables of the part that is read.
+  // Marks variables of the part that is read.
   void use(Index variable) {
     if (marks_.size() < variables()) marks_.resize(variables(), false);
     if (marks_[at(variable)]) return;
@@ -254,7 +254,7 @@ class Rewriter final : NlSegments {
     return std::exchange(used_, {});
   }
 
-  // The file's, and the defined variables that became some.
+  // The file's variables, and those that replace defined variables.
   [[nodiscard]] std::size_t variables() const { return at(header_.variables) + lifted_.size(); }
   [[nodiscard]] Shape capped(const Shape& shape) const {
     const std::size_t n = variables();
@@ -263,13 +263,13 @@ class Rewriter final : NlSegments {
   static Shape beside(const Shape& a, const Shape& b) {
     return {a.variables + b.variables, a.entries + b.entries, {}};
   }
-  // Of an operator that may bend: every variable with every other one.
+  // For an operator that may be nonlinear: every variable with every other one.
   [[nodiscard]] Shape bent(const Shape& inside) const {
     const std::size_t n = std::min(inside.variables, variables());
     return {n, n * n, {}};
   }
 
-  // What has no variable is written as its value: the library's second derivatives rely on that.
+  // A constant subexpression is written as its value: the library's second derivatives require this.
   Shape expression() {
     descend();
     Shape shape;
@@ -335,7 +335,7 @@ class Rewriter final : NlSegments {
       case kAtan2:
         return two(code);
       case kPowerOfConstantExponent:
-      case kPowerOfConstantBase:  // which of the two is constant is for the library to see
+      case kPowerOfConstantBase:  // the library finds out which of the two is constant
         return two(kPower);
       case kSquare: {
         out_.operation(kPower);
@@ -343,7 +343,7 @@ class Rewriter final : NlSegments {
         out_.constant(2.0);
         return with_constant(bent(base), kPower, base, {0, 0, 2.0});
       }
-      case kSum: {  // the library wants three parts at least
+      case kSum: {  // the library requires at least three operands
         const int count = in_.integer("o54", 0, kMany);
         if (count == 0) return {0, 0, 0.0};
         if (count > 2) out_.operation(kSum).integer(count);
@@ -401,14 +401,14 @@ class Rewriter final : NlSegments {
     return all;
   }
 
-  // What "if" asks: comparisons, and what logic makes of them.
+  // Reads the condition of "if": comparisons, and logical combinations of them.
   Shape condition() {
     descend();
     Shape shape;
     const char key = in_.key();
     const int code = key == 'o' ? in_.integer("o", 0, kMany) : -1;
     if (in_.failed()) {
-      // its reason stands
+      // keeps the first error
     } else if (std::ranges::find(kComparisons, code) != std::end(kComparisons)) {
       out_.operation(code);
       const Shape left = expression();
@@ -434,14 +434,14 @@ class Rewriter final : NlSegments {
     for (const auto& [variable, coefficient] : part.linear) text.integer(variable).real(coefficient);
   }
 
-  // The library takes the slope of a variable that is a whole expression for 0.
+  // The library takes the derivative of a variable that is a whole expression as 0.
   static void add_expression(const Part& part, BinaryText& text) {
     if (part.expression.empty()) return void(text.constant(0.0));
     if (part.expression.front() == 'v') text.operation(kTimes).constant(1.0);
     text.append(part.expression);
   }
 
-  // All variables and rows are told to be nonlinear, so none has to stand before another one.
+  // Declares all variables and rows nonlinear, so that their order is free.
   std::string written() {
     const std::size_t n = variables(), m = rows_.size();
     std::vector<std::int64_t> columns(n, 0);
@@ -468,13 +468,13 @@ class Rewriter final : NlSegments {
     return text.take();
   }
 
-  const std::size_t most_;   // numbers that may be held
+  const std::size_t most_;   // numbers that may be stored
   std::size_t entries_ = 0;  // of second derivatives, so far
-  std::size_t put_in_ = 0;   // bytes of defined variables
-  BinaryText out_;           // the expression that is read
+  std::size_t put_in_ = 0;   // bytes of inlined defined variables
+  BinaryText out_;           // the expression being read
   std::map<int, Definition> definitions_;
   std::vector<Part> rows_, lifted_;
-  std::vector<int> lifted_numbers_;  // the file's, of defined variables that became variables
+  std::vector<int> lifted_numbers_;  // the file's, for defined variables that became variables
   Part objective_;
   std::vector<bool> marks_;
   std::vector<Index> used_;

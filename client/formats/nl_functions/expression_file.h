@@ -1,5 +1,5 @@
-// A nonlinear .nl file, checked and written again for AMPL's library: that one trusts what it reads, so it
-// reads no file of anybody else's.
+// Validates a nonlinear .nl file and writes it again for AMPL's library, which trusts its input and therefore
+// never reads a user's file.
 #pragma once
 
 #include <string>
@@ -11,19 +11,20 @@
 
 namespace marble::formats {
 
-/// What was read, by the file's own rows and variables.
+/// The content of the file, in terms of its own rows and variables.
 struct ExpressionFile {
-  std::string content;  ///< binary: one objective to be minimised and all rows, without bounds
+  std::string content;  ///< binary: one objective to minimize and all rows, without bounds
   NlHeader header;
   /// Long defined variables, by the file's number: variables after the file's, each with a row after the
-  /// file's.
+  /// file's rows.
   std::vector<int> lifted;
-  /// All but the expressions: after the variables there is one more for the value of each row.
+  /// All but the expressions: after the variables it has one more for the value of each row.
   NlModel model;
 };
 
-/// Operators are AMPL's of numbers, but for those that jump: abs, min, max and if are fine. Errors name row
-/// or variable. Memory is in proportion to the file's length (file_limits.h), that of second derivatives too.
+/// Accepts AMPL's numeric operators, except those that jump: abs, min, max and if are allowed. Errors name
+/// row or variable. Memory, including second derivatives, is proportional to the file's length
+/// (file_limits.h).
 [[nodiscard]] Expected<ExpressionFile> read_expressions(std::string_view content, const NlNames& names);
 
 }  // namespace marble::formats

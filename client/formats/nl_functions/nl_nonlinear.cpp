@@ -12,8 +12,8 @@ namespace {
 
 std::size_t at(Index index) { return static_cast<std::size_t>(index); }
 
-// A block of functions: M w + offset, where w has the variables, the file's rows, and what mixed
-// complementarity adds.
+// A block of functions: M w + offset, where w has the variables, the file's rows, and the variables that
+// mixed complementarity adds.
 class BlockOfRows {
  public:
   BlockOfRows(SparseMatrix M, std::vector<double> offset, std::size_t n, const SparseMatrix& jacobian)
@@ -46,9 +46,9 @@ class BlockOfRows {
   }
 
  private:
-  // What an entry of the derivative is a sum of: a coefficient, times an entry of the rows' Jacobian.
+  // A term of a derivative's entry: a coefficient times an entry of the rows' Jacobian.
   struct Share {
-    Index entry, of;  // of: -1 where there is none
+    Index entry, of;  // of: −1 if there is none
     double coefficient;
   };
   struct Draft {
@@ -102,7 +102,7 @@ class BlockOfRows {
   std::vector<Share> shares_;
 };
 
-// All functions of one file, for the loop's calls.
+// All functions of one file, as the loop calls them.
 class FileFunctions {
  public:
   FileFunctions(AslFunctions functions, OwnedProblem linear, std::size_t n, std::size_t m, double sign,
@@ -149,7 +149,7 @@ class FileFunctions {
     H_->add_transposed(multipliers.H, -1.0, weights_);
     const SparseMatrix& upper = functions_.hessian(x.first(n_), sign_, std::span(weights_).subspan(n_, m_));
     if (gradient_.size() == n_) return upper.view();
-    hessian_ = upper;  // with empty columns for what mixed complementarity adds
+    hessian_ = upper;  // with empty columns for variables that mixed complementarity adds
     hessian_.rows = hessian_.columns = static_cast<Index>(gradient_.size());
     hessian_.column_pointers.resize(gradient_.size() + 1, hessian_.column_pointers.back());
     return hessian_.view();
@@ -171,7 +171,7 @@ class FileFunctions {
   SparseMatrix hessian_;
 };
 
-// What the derivatives of all functions add up to, each row by a weight of its own.
+// The weighted sum of the derivatives of all functions.
 class SumOfAll {
  public:
   SumOfAll(AslFunctions& functions, std::size_t n, std::size_t m)
@@ -190,7 +190,7 @@ class SumOfAll {
     return sum;
   }
 
-  /// Their second derivatives times a direction.
+  /// Returns the second derivatives times a direction.
   [[nodiscard]] std::vector<double> product(const std::vector<double>& x,
                                             const std::vector<double>& direction) {
     std::vector<double> product(n_, 0.0);
@@ -211,16 +211,16 @@ class SumOfAll {
   std::vector<double> weights_;
 };
 
-// Whether the library's second derivatives are those of its first ones, at x in one direction: it errs where
-// linear terms within a function cancel. Long differences are wrong near a pole, short ones have few digits:
-// to agree with one is enough. True where that cannot be decided.
+// Checks the library's second derivatives against its first ones at x in one direction: it errs if linear
+// terms within a function cancel. Long differences are wrong near a pole, short ones have few digits:
+// agreement with one is enough. True if this cannot be decided.
 bool second_derivatives_agree(AslFunctions& functions, const std::vector<double>& x, std::size_t m) {
   constexpr double kSteps[] = {1e-5, 1e-7, 1e-9, 1e-11}, kShare = 1e-4, kNoise = 1e-7;
   const std::size_t n = x.size();
   SumOfAll sum(functions, n, m);
   bool decided = false;
   for (const double step : kSteps) {
-    std::vector<double> above = x, below = x, between(n);  // rounded: what really is between them counts
+    std::vector<double> above = x, below = x, between(n);  // after rounding: the actual distance is used
     for (std::size_t j = 0; j < n; ++j) {
       const double by = step * (1.0 + std::abs(x[j])) / (1.0 + static_cast<double>(j % 7));
       above[j] += by, below[j] -= by;
@@ -241,8 +241,8 @@ bool second_derivatives_agree(AslFunctions& functions, const std::vector<double>
   return !decided;
 }
 
-// Where the file begins, within its bounds, or off those that it is at; its long defined variables begin at
-// their values. Nothing where nothing is at a bound.
+// Returns the file's start, within its bounds, or with `off` away from active ones; long defined variables
+// start at their values. Returns nothing if nothing is at a bound.
 std::optional<std::vector<double>> start_of(const ExpressionFile& file, AslFunctions& functions, bool off) {
   const auto given = static_cast<std::size_t>(file.header.variables),
              rows = static_cast<std::size_t>(file.header.constraints);
@@ -263,7 +263,7 @@ std::optional<std::vector<double>> start_of(const ExpressionFile& file, AslFunct
   return start;
 }
 
-// A function without a value where the loop begins: the first one's name.
+// Checks that all functions have a value at the start; the error has the name of the first that has none.
 Expected<void> check_start(const ExpressionFile& file, AslFunctions& functions, std::span<const double> start,
                            std::span<const double> rows, const NlNames& names) {
   const auto fault = [&](NlPlace place) {
@@ -300,12 +300,12 @@ Expected<NlNonlinear> parse_nonlinear_nl(std::string_view content, const std::st
     start = std::move(*from);
     functions->rows(start, rows);
     const auto there = check_start(*file, *functions, start, rows, names);
-    if (!off || there) begins = there;  // the first point's error
+    if (!off || there) begins = there;  // keeps the first point's error
     if (begins) break;
   }
   if (!begins) return unexpected(begins.error());
   const std::size_t n = start.size();
-  std::vector<double> beside = start;  // where less is zero
+  std::vector<double> beside = start;  // where fewer entries are zero
   for (std::size_t j = 0; j < n; ++j) beside[j] += 0.01 * (1.0 + static_cast<double>(j % 3));
   const bool trusted =
       second_derivatives_agree(*functions, start, m) && second_derivatives_agree(*functions, beside, m);

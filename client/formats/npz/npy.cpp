@@ -10,7 +10,7 @@ namespace {
 constexpr std::string_view kMagic = "\x93NUMPY";
 constexpr std::size_t kAlignment = 64;
 
-// The text between the quotes after the key, or up to the end of a tuple or word.
+// Returns the text between the quotes after the key, or up to the end of a tuple or word.
 std::optional<std::string_view> value_of(std::string_view header, std::string_view key) {
   const std::size_t at = header.find(key);
   if (at == std::string_view::npos) return std::nullopt;
@@ -55,7 +55,7 @@ void take(std::string_view bytes, std::vector<double>& values) {
   }
 }
 
-// Byte strings hold a byte a letter, "U" strings four.
+// Byte strings have one byte per letter, "U" strings four.
 std::string text_of(std::string_view bytes, char kind) {
   std::string text;
   for (std::size_t i = 0; i < bytes.size(); i += kind == 'U' ? 4 : 1) {

@@ -102,7 +102,7 @@ class NpzReader {
     return "at most " + std::to_string(most_rows_) + " rows and columns, for the file's length";
   }
 
-  // A number that counts or points to something below `end`.
+  // Returns a number as a count or index below `end`.
   static std::optional<std::size_t> index_of(double value, std::size_t end) {
     if (!(value >= 0.0) || value >= static_cast<double>(end) || value != std::floor(value))
       return std::nullopt;

@@ -1,8 +1,8 @@
-// NumPy's .npz files.
+// Reads and writes NumPy's .npz files.
 //
-// Arrays are named as tables.h names the parts. A matrix is one two-dimensional array, or sparse as SciPy
-// keeps it: "Q.data", "Q.indices", "Q.indptr", "Q.shape" and, if it is not "csc", "Q.format" = "csr". Names
-// with "_" in place of "." are read too: keyword arguments of numpy.savez cannot have points.
+// Arrays have the names of tables.h. A matrix is one two-dimensional array, or sparse in SciPy's form:
+// "Q.data", "Q.indices", "Q.indptr", "Q.shape" and, if it is not "csc", "Q.format" = "csr". Names with "_"
+// instead of "." are read too: keyword arguments of numpy.savez cannot contain dots.
 #pragma once
 
 #include <map>
@@ -14,12 +14,12 @@
 
 namespace marble::formats {
 
-/// Errors name the array; not_found if the file cannot be read. Memory is in proportion to the file's length
+/// Errors name the array; not_found if the file cannot be read. Memory is proportional to the file's length
 /// (file_limits.h).
 [[nodiscard]] Expected<ProblemFile> read_npz(const std::string& path, const std::string& name);
-/// The same of a file's bytes.
+/// The same for a file's bytes.
 [[nodiscard]] Expected<ProblemFile> parse_npz(std::string_view bytes, const std::string& name);
-/// Every array of a file by its name, whatever it is.
+/// Returns every array of a file by its name, whatever its type.
 [[nodiscard]] Expected<std::map<std::string, NpyArray>> read_npz_arrays(const std::string& path);
 [[nodiscard]] Expected<void> write_npz(const ProblemFile& file, const std::string& path);
 

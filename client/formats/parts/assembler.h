@@ -1,4 +1,4 @@
-// From the terms of other formats to an LCQP: two-sided rows, bounds on variables, pairs of affine rows.
+// Builds an LCQP from the terms of other formats: two-sided rows, bounds on variables, pairs of affine rows.
 #pragma once
 
 #include <limits>
@@ -30,10 +30,10 @@ class Assembler {
   explicit Assembler(Index variables) : g_(static_cast<std::size_t>(variables), 0.0) {}
 
   [[nodiscard]] Index variables() const { return static_cast<Index>(g_.size()); }
-  /// One more, after those there are.
+  /// Adds a variable after the existing ones.
   Index add_variable();
 
-  /// Rows and pairs so far: the next one added has this number.
+  /// Returns the number of rows or pairs so far: the index of the next one.
   [[nodiscard]] Index equalities() const { return equalities_.rows(); }
   /// As equalities().
   [[nodiscard]] Index inequalities() const { return inequalities_.rows(); }
@@ -44,21 +44,21 @@ class Assembler {
   void add_linear(Index variable, double coefficient) {
     g_[static_cast<std::size_t>(variable)] += coefficient;
   }
-  /// The entry of Q (both triangles are given), of ½ zᵀQz.
+  /// Adds an entry of Q (both triangles must be given), in ½ zᵀQz.
   void add_quadratic(Index row, Index column, double value) { Q_.add(row, column, value); }
 
-  /// low <= row <= high: an equality where both are the same, nothing for a side of infinite_limit or more,
-  /// row − low before high − row. `field` and `index` say in errors where it is from: NaN, or low > high.
+  /// Adds low <= row <= high: an equality if both are equal, nothing for a side of infinite_limit or more,
+  /// row − low before high − row. `field` and `index` locate errors: NaN, or low > high.
   [[nodiscard]] Expected<void> add_range(const AffineRow& row, double low, double high, const char* field,
                                          std::int64_t index);
-  /// 0 <= left ⊥ right >= 0.
+  /// Adds 0 <= left ⊥ right >= 0.
   void add_pair(const AffineRow& left, const AffineRow& right);
-  /// row ⊥ low <= variable <= high with finite low < high, as AMPL means it: row >= 0 at the lower bound, <=
-  /// 0 at the upper one, 0 between them. Takes two more variables, the parts p and q of the row, an equality
-  /// row = p − q, and two pairs, p with the lower bound and q with the upper one.
+  /// Adds row ⊥ low <= variable <= high with finite low < high, in AMPL's meaning: row >= 0 at the lower
+  /// bound, <= 0 at the upper one, 0 between them. Adds two variables, the parts p and q of the row, an
+  /// equality row = p − q, and two pairs, p with the lower bound and q with the upper one.
   void add_mixed(const AffineRow& row, Index variable, double low, double high);
 
-  /// What was put together; checked as Problem::create does.
+  /// Returns the assembled problem, checked as by Problem::create.
   [[nodiscard]] Expected<OwnedProblem> finish(const std::string& name) const;
 
  private:

@@ -1,4 +1,4 @@
-// A file as its bytes.
+// Reads a file as bytes.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace marble::formats {
 
-/// not_found if it cannot be read.
+/// Errors: not_found if it cannot be read.
 [[nodiscard]] Expected<std::string> read_bytes(const std::string& path);
 
 }  // namespace marble::formats

@@ -1,21 +1,21 @@
-// What a file may ask of memory: always in proportion to its own length, whatever sizes it tells.
+// Limits a file's memory in proportion to its own length, whatever sizes it declares.
 #pragma once
 
 #include <cstddef>
 
 namespace marble::formats {
 
-constexpr std::size_t kUnpackedBytes = std::size_t{64} << 20;  ///< that any file may unpack to
-constexpr std::size_t kUnpackedFactor = 100;                   ///< of its length may come on top
+constexpr std::size_t kUnpackedBytes = std::size_t{64} << 20;  ///< any file may unpack to this
+constexpr std::size_t kUnpackedFactor = 100;                   ///< plus this multiple of its length
 
-/// Bytes that an array of a file of `length` bytes may have once it is unpacked.
+/// Returns the most bytes that an unpacked array of a file of `length` bytes may have.
 [[nodiscard]] constexpr std::size_t most_bytes(std::size_t length) {
   return kUnpackedBytes + kUnpackedFactor * length;
 }
-/// Numbers that a table of it may have: eight bytes each.
+/// Returns the most numbers that a table of it may have: eight bytes each.
 [[nodiscard]] constexpr std::size_t most_numbers(std::size_t length) { return most_bytes(length) / 8; }
 
-/// Rows or columns that one may have; an empty row takes more than a number.
+/// Returns the most rows or columns of a table; an empty row takes more than a number.
 [[nodiscard]] constexpr std::size_t most_rows(std::size_t length) {
   return (std::size_t{1} << 20) + kUnpackedFactor * length / 8;
 }

@@ -57,7 +57,7 @@ class LcqpowReader {
     return std::move(*read);
   }
 
-  // All at `missing` where there is none, or an empty one.
+  // Returns a vector filled with `missing` if it is absent or empty.
   std::vector<double> vector(const char* name, std::size_t size, double missing) {
     const auto found = table(name, false);
     if (failed_ || !found || found->rows == 0 || found->columns == 0)

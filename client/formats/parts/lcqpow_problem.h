@@ -1,4 +1,4 @@
-// Problems told in LCQPow's terms: named matrices and vectors.
+// Builds problems in LCQPow's terms: named matrices and vectors.
 #pragma once
 
 #include <functional>
@@ -9,20 +9,19 @@
 
 namespace marble::formats {
 
-/// A matrix, or a vector as one of its rows or columns. Whoever makes one has checked that entries lie within
-/// it.
+/// A matrix, or a vector as one of its rows or columns. The creator has checked that entries lie within it.
 struct TableMatrix {
   Index rows = 0, columns = 0;
   Triplets entries = {};
 };
 
-/// The table of that name; nothing if there is none.
+/// Returns the table with that name; nothing if there is none.
 using TableReader = std::function<Expected<std::optional<TableMatrix>>(const char* name)>;
 
 /// See read_mat.
 [[nodiscard]] Expected<ProblemFile> assemble_lcqpow(const TableReader& read, const std::string& name);
 
-/// The table's numbers if it is a row or a column of `size` of them; `field` names it in the error.
+/// Returns the table's numbers if it is a row or a column of `size` of them; `field` names it in the error.
 [[nodiscard]] Expected<std::vector<double>> vector_of(const TableMatrix& table, std::size_t size,
                                                       const std::string& field);
 

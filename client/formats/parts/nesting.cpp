@@ -11,9 +11,9 @@ namespace {
 
 constexpr std::size_t kDeepest = 10'000;
 constexpr std::size_t kBytesOfLevel = 1024;        // measured: 960 at most, in readers and library
-constexpr std::size_t kBytesOfOthers = 96 * 1024;  // for what calls these, and for what they call
+constexpr std::size_t kBytesOfOthers = 96 * 1024;  // for callers and callees of these functions
 
-// Bytes of this thread's stack that are free below this function.
+// Returns the bytes of this thread's stack that are free below this function.
 std::size_t free_stack() {
   pthread_attr_t attributes;
   if (pthread_getattr_np(pthread_self(), &attributes) != 0) return 0;

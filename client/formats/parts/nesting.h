@@ -1,9 +1,9 @@
-// How deep the expressions of an .nl file may nest.
+// Limits the nesting of expressions in an .nl file.
 #pragma once
 
 namespace marble::formats {
 
-/// Nodes within nodes at most. The readers, and AMPL's library where it computes, follow each on the stack:
+/// Returns the most nested nodes. The readers, and AMPL's library when it evaluates, recurse on the stack:
 /// 10,000, or what fits the rest of this thread's stack, if that is less.
 [[nodiscard]] int deepest_nesting();
 

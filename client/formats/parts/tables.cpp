@@ -17,7 +17,7 @@ constexpr BlockNames kParts[] = {
   {#letter, #vector, &OwnedProblem::letter, &OwnedProblem::vector},
 #include "marble/contract.def"
 };
-constexpr auto kBlocks = std::span(kParts).subspan<1>();  // but for Q and g, which say n
+constexpr auto kBlocks = std::span(kParts).subspan<1>();  // all but Q and g, which determine n
 
 Expected<std::vector<double>> read_vector(const TableReader& read, const char* name, std::size_t size) {
   const auto table = read(name);
@@ -26,7 +26,7 @@ Expected<std::vector<double>> read_vector(const TableReader& read, const char* n
   return vector_of(**table, size, name);
 }
 
-// The other triangle too.
+// Fills in the other triangle.
 SparseMatrix in_full(const OwnedProblem& problem) {
   if (problem.hessian_form == HessianForm::full) return problem.Q;
   Triplets entries;

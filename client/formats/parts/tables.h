@@ -1,5 +1,5 @@
-// The parts of a problem as named tables, in Marble's own terms: what .npz files and Matrix Market folders
-// hold.
+// Provides the parts of a problem as named tables, in Marble's own terms: the content of .npz files and
+// Matrix Market folders.
 #pragma once
 
 #include <functional>
@@ -10,8 +10,8 @@
 
 namespace marble::formats {
 
-/// Q, A, C, L, R, and the vectors g, b, d, l, r, c0 and x0, by their names in the JSON format. Q and g must
-/// be there, absent parts are empty, absent vectors of parts that are there zero.
+/// Assembles Q, A, C, L, R, and the vectors g, b, d, l, r, c0 and x0, by their names in the JSON format. Q
+/// and g are required; absent parts are empty, absent vectors of present parts zero.
 [[nodiscard]] Expected<ProblemFile> assemble_tables(const TableReader& read, const std::string& name);
 
 /// One part to write: a matrix, or a vector.
@@ -20,7 +20,7 @@ struct TableSink {
   std::function<Expected<void>(const char* name, const std::vector<double>& vector)> vector;
 };
 
-/// Gives the sink every part that is not empty; Q in full.
+/// Passes every part that is not empty to the sink; Q in full.
 [[nodiscard]] Expected<void> write_tables(const ProblemFile& file, const TableSink& sink);
 
 }  // namespace marble::formats

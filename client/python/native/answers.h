@@ -1,4 +1,4 @@
-// Errors of core as exceptions of Python; problems and answers there and back.
+// Converts errors of core to Python exceptions, and problems and solutions in both directions.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -16,11 +16,11 @@
 
 namespace marble::python {
 
-/// marble._core.Fault, an exception whose args are code, field, index (-1: none), value, bound and the whole
-/// sentence.
+/// Creates marble._core.Fault, an exception whose args are code, field, index (-1: none), value, bound and
+/// the whole sentence.
 void make_fault(pybind11::module_& module);
 
-/// What its args are of this error.
+/// Returns its args for this error.
 [[nodiscard]] pybind11::tuple fault_arguments(const Error& error);
 
 [[noreturn]] void raise(const Error& error);
@@ -31,21 +31,21 @@ T value_or_raise(Expected<T> expected) {
   return std::move(*expected);
 }
 
-/// Of (z, y, nu, xi, eta, cold objective), or None.
+/// Converts (z, y, nu, xi, eta, cold objective), or None.
 [[nodiscard]] std::optional<Solution> answer_of(const pybind11::object& given);
 
-/// Of a marble.Solution, without its times, options and tree.
+/// Converts a marble.Solution, without its times, options and tree.
 [[nodiscard]] Solution solution_of(const pybind11::object& answer);
-/// The way there, by the names of its fields but `problem` and `job_id`; `options` as they were used,
-/// total_s: from the call to the answer.
+/// Converts a solution to the fields of a marble.Solution except `problem` and `job_id`; `options` as used,
+/// total_s: from the call to the solution.
 [[nodiscard]] pybind11::dict dict_of(Solution solution, const Options& options, double total_s);
 
-/// c0, and vectors and matrices (data, indices, indptr, rows) by their letters.
+/// Returns c0, and vectors and matrices (data, indices, indptr, rows) by their letters.
 [[nodiscard]] pybind11::dict dict_of(const ProblemView& problem);
-/// c0, vectors and values of matrices by their letters, those that there are.
+/// Returns c0, vectors and values of matrices by their letters, only those that are set.
 [[nodiscard]] pybind11::dict dict_of(const ProblemUpdate& update);
 
-/// Of an array.
+/// Copies an array.
 [[nodiscard]] std::vector<double> owned(const pybind11::handle& values);
 [[nodiscard]] Numbers copied(std::span<const double> values);
 

@@ -1,6 +1,6 @@
-// Borrowed views of Python's arrays, and vectors that Python may view: nothing is copied either way. By the
-// buffer protocol alone, which every version of numpy speaks: pybind11's own way to arrays reads numpy's
-// structures, and an older one misreads those of numpy 2.
+// Borrows views of Python's arrays, and lets Python view vectors: nothing is copied in either direction. Uses
+// only the buffer protocol, which every version of numpy supports: pybind11's own array type reads numpy's
+// structures, and an older pybind11 misreads those of numpy 2.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -17,14 +17,14 @@ namespace marble::python {
 
 namespace py = pybind11;
 
-/// Owns references to the arrays whose views it hands out. Contiguous ones of the right type are borrowed;
-/// others are converted.
+/// Owns references to the arrays that it views. Contiguous arrays of the right type are borrowed; others are
+/// converted.
 class Borrowed {
  public:
   [[nodiscard]] std::span<const double> doubles(const py::handle& values) { return view<double>(values); }
   [[nodiscard]] std::span<const Index> indices(const py::handle& values) { return view<Index>(values); }
 
-  /// Of a csc_matrix with sorted entries; an empty view of one without rows or entries.
+  /// Views a csc_matrix with sorted entries; returns an empty view if it has no rows or entries.
   [[nodiscard]] SparseMatrixView matrix(const py::handle& csc, std::size_t rows, std::size_t columns) {
     const std::span<const double> values = doubles(csc.attr("data"));
     if (rows == 0) return {};
@@ -32,7 +32,7 @@ class Borrowed {
             indices(csc.attr("indices")), values};
   }
 
-  /// Of a marble.LCQP.
+  /// Views a marble.LCQP.
   [[nodiscard]] ProblemView problem(const py::handle& lcqp) {
     ProblemView view;
     view.hessian_form = HessianForm::upper_triangle;
@@ -52,7 +52,8 @@ class Borrowed {
     return view;
   }
 
-  /// New numbers by the letters of the equation, a matrix's are its values. The dictionary must outlive it.
+  /// Views new numbers by the letters of the equation, for a matrix its values. The dictionary must outlive
+  /// the view.
   [[nodiscard]] ProblemUpdate update(const py::dict& changes) {
     ProblemUpdate update;
     for (const auto& [key, value] : changes) {
@@ -77,7 +78,7 @@ class Borrowed {
     Buffer(Buffer&& other) noexcept : buffer_(std::exchange(other.buffer_, {})) {}
     Buffer& operator=(Buffer&&) = delete;
     ~Buffer() { PyBuffer_Release(&buffer_); }
-    /// Whether the object has contiguous items of that kind.
+    /// Returns whether the object has contiguous items of that kind.
     [[nodiscard]] bool take(const py::handle& values, char format, std::size_t size) {
       if (PyObject_GetBuffer(values.ptr(), &buffer_, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT) != 0) {
         PyErr_Clear();
@@ -106,7 +107,7 @@ class Borrowed {
       Buffer converted;
       if (!converted.take(array, kReal ? 'd' : 'i', sizeof(Number)))
         throw py::type_error("no array of numbers");
-      kept_.push_back(std::move(converted));  // which keeps the array too
+      kept_.push_back(std::move(converted));  // keeps the original array too
     } else {
       kept_.push_back(std::move(buffer));
     }
@@ -116,7 +117,7 @@ class Borrowed {
   std::vector<Buffer> kept_;
 };
 
-/// A vector that Python may view as an array, and that lives as long as such a view.
+/// A vector that Python may view as an array, and that lives as long as the view.
 struct Numbers {
   std::vector<double> values;
 };

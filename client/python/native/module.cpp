@@ -1,4 +1,4 @@
-// marble._core: core's solvers for the Python package, which knows what callers may give and what they get.
+// Provides marble._core: core's solvers for the Python package, which checks arguments and formats results.
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
@@ -23,7 +23,7 @@
 namespace marble::python {
 namespace {
 
-/// A marble.LCQP once, from set-up to answer.
+/// Solves a marble.LCQP once, from setup to solution.
 py::dict solve(const py::object& lcqp, const py::dict& given, const Call& call) {
   const Options options = options_of(given);
   Borrowed arrays;
@@ -36,7 +36,7 @@ py::dict solve(const py::object& lcqp, const py::dict& given, const Call& call) 
   });
 }
 
-/// Set up once, solved again and again: what a session is.
+/// A problem set up once and solved repeatedly: the basis of a session.
 class Warm {
  public:
   Warm(const py::object& lcqp, const py::dict& given) : options_(options_of(given)) {
@@ -52,7 +52,7 @@ class Warm {
     solver_.emplace(value_or_raise(std::move(*solver)));
   }
 
-  /// changes: new numbers by the letters of the equation, a matrix's are its values. shift: for each of the
+  /// changes: new numbers by the letters of the equation, for a matrix its values. shift: for each of the
   /// four kinds of vectors its blocks (first, count, by).
   py::dict solve(const py::dict& given, const py::dict& changes, const py::object& z0, bool cold,
                  const py::object& shift, const Call& call) {
@@ -68,7 +68,7 @@ class Warm {
     return answer;
   }
 
-  /// The first part of a solve(), of the same arguments.
+  /// The first part of a solve(), with the same arguments.
   void prepare(const py::dict& given, const py::dict& changes, const py::object& z0, bool cold,
                const py::object& shift) {
     const Wanted wanted(options_, given, changes, z0, cold, shift);
@@ -88,7 +88,7 @@ class Warm {
   [[nodiscard]] double setup_s() const { return solver_->setup_s(); }
 
  private:
-  /// What an update says; borrows its arrays.
+  /// The content of an update; borrows its arrays.
   struct Wanted {
     Wanted(const Options& in_force, const py::dict& given, const py::dict& changes, const py::object& z0,
            bool cold, const py::object& shift)
@@ -110,7 +110,7 @@ class Warm {
   std::optional<WarmSolver> solver_;
 };
 
-/// Settings by their names; tell: None, or told of each iteration.
+/// Reads settings by their names; tell: None, or called for each iteration.
 nonlinear::Settings settings_of(const py::dict& given, const py::dict& lcqp, const py::object& tell) {
   nonlinear::Settings settings;
   const auto method = nonlinear::method_of(given["nonlinear_method"].cast<std::string>());
@@ -132,8 +132,8 @@ nonlinear::Settings settings_of(const py::dict& given, const py::dict& lcqp, con
   return settings;
 }
 
-/// Runs `solve(open)` so that Ctrl-C stops it. open: as ticks_of has it, but for the options of each
-/// LCQP, which it is given first.
+/// Runs `solve(open)` such that Ctrl-C stops it. open: as in ticks_of, except that it first receives the
+/// options of each LCQP.
 template <class Solve>
 auto run_nonlinear(nonlinear::Settings& settings, const py::object& open, bool main_thread,
                    const Solve& solve) {
@@ -169,7 +169,7 @@ py::dict dict_of_answer(nonlinear::Answer a) {
   return answer;
 }
 
-/// A marble.nlp problem.
+/// Solves a marble.nlp problem.
 py::dict solve_nonlinear_problem(const py::dict& problem, const py::dict& given, const py::dict& lcqp,
                                  const py::object& tell, const py::object& open, bool main_thread) {
   nonlinear::Settings settings = settings_of(given, lcqp, tell);
@@ -178,7 +178,8 @@ py::dict solve_nonlinear_problem(const py::dict& problem, const py::dict& given,
   }));
 }
 
-/// The same level after level. growing: the other settings by their names; tell_level: told of each.
+/// Solves sample-average stages one after the other. growing: the other settings by their names; tell_level:
+/// called for each.
 py::dict solve_retrospective_problem(const py::dict& problem, const py::dict& given, const py::dict& lcqp,
                                      const py::object& tell, const py::object& open, bool main_thread,
                                      const py::dict& growing, const py::object& use_samples,
@@ -212,7 +213,7 @@ py::dict solve_retrospective_problem(const py::dict& problem, const py::dict& gi
   return dict_of_answer(std::move(outcome.answer));
 }
 
-/// Sample by sample.
+/// Returns the numbers sample by sample.
 Numbers uniform_numbers(std::uint64_t seed, std::uint64_t first, std::uint64_t count, std::uint32_t numbers) {
   const CounterRandom random(seed);
   Numbers made;

@@ -12,7 +12,7 @@
 namespace marble::python {
 namespace {
 
-/// The views of what one function gave last, and the arrays they borrow.
+/// The last result of one function as views, and the arrays they borrow.
 struct Given {
   py::object kept;
   std::optional<Borrowed> arrays;
@@ -45,7 +45,7 @@ class ReleasedTicks final : public nonlinear::Ticks {
   std::unique_ptr<nonlinear::Ticks> ticks_;
 };
 
-/// Of a session of the Python client's.
+/// Solves subproblems in a session of the Python client.
 class CalledTicks final : public nonlinear::Ticks {
  public:
   explicit CalledTicks(py::object tick) : tick_(std::move(tick)) {}
@@ -95,7 +95,7 @@ Expected<std::unique_ptr<nonlinear::Ticks>> open_here(const ProblemView& view,
   return std::make_unique<ReleasedTicks>(std::move(*ticks));
 }
 
-/// Calls Python's functions, and keeps what they gave last.
+/// Calls Python functions, and keeps their last results.
 class Called {
  public:
   /// `problem` must outlive it.

@@ -15,7 +15,7 @@
 namespace marble::python {
 namespace {
 
-/// problem and open as nonlinear.h has them.
+/// problem and open are as in nonlinear.h.
 class RealTimeLoop {
  public:
   RealTimeLoop(const py::dict& problem, const py::dict& given, const py::dict& lcqp, const py::object& open) {

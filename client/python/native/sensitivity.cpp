@@ -53,7 +53,7 @@ py::tuple response_told(RowResponse response) {
                         Numbers{std::move(response.columns)});
 }
 
-/// Derivatives of an answer.
+/// Derivatives of a solution.
 class Derivatives {
  public:
   Derivatives(const py::object& lcqp, const py::object& answer) : Derivatives(Borrowed(), lcqp, answer) {}
@@ -84,7 +84,7 @@ class Derivatives {
       : sensitivity_(value_or_raise(
             Sensitivity::create(value_or_raise(Problem::create(arrays.problem(lcqp))), solved(answer)))) {}
 
-  // The package has looked whether it is.
+  // The package has checked that it is solved.
   static Solution solved(const py::object& answer) {
     Solution solution = *answer_of(answer);
     solution.status = Status::solved;

@@ -1,4 +1,4 @@
-// Derivatives of answers for Python.
+// Provides derivatives of solutions for Python.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -11,19 +11,19 @@
 
 namespace marble::python {
 
-/// What is asked of an answer's derivatives, with the arrays it borrows.
+/// A request for a solution's derivatives, with the arrays it borrows.
 struct AskedDerivatives {
   Borrowed arrays;
   SensitivityRequest request;
 };
-/// Of a marble.model.derivatives.Asked; null of None.
+/// Converts a marble.model.derivatives.Asked; null for None.
 [[nodiscard]] std::shared_ptr<const AskedDerivatives> asked_derivatives(const py::object& asked);
 
-/// None; or a dictionary with the error, or with what SensitivityAnswer has, by its names.
+/// Returns None; or a dictionary with the error, or with the fields of SensitivityAnswer by their names.
 [[nodiscard]] py::object derivatives_told(std::optional<Expected<SensitivityAnswer>> sensitivity);
 
-/// marble._core.Sensitivity(problem, answer): `along` takes and `gradient` gives numbers by the letters of
-/// the equation, `along` gives and `gradient` takes vectors of the answer by theirs.
+/// Binds marble._core.Sensitivity(problem, answer): `along` takes and `gradient` returns numbers by the
+/// letters of the equation, `along` returns and `gradient` takes vectors of the solution by theirs.
 void bind_sensitivity(pybind11::module_& module);
 
 }  // namespace marble::python

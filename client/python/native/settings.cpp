@@ -16,7 +16,7 @@ py::object python_value(double value) { return py::float_(value); }
 py::object python_value(std::int32_t value) { return py::int_(value); }
 py::object python_value(bool value) { return py::bool_(value); }
 
-/// A choice by its name.
+/// Returns a choice by its name.
 py::object choice_name(std::string_view option, std::size_t value) {
   for (const OptionInfo& info : option_table()) {
     if (info.name == option) return py::str(std::string(info.choices[value]));

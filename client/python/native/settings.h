@@ -1,4 +1,4 @@
-// Options, shifts and kinds of curvature, as the package says them.
+// Converts options, shifts and kinds of curvature from and to the package's form.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -11,19 +11,20 @@
 
 namespace marble::python {
 
-/// Names and values that the package has checked by the contract; their ranges are checked here.
+/// Sets names and values that the package has checked against the contract; their ranges are checked here.
 void set_options(Options& options, const pybind11::dict& given);
 
-/// All options by their names: a copy of the defaults, which takes a tenth of the time, with what differs.
+/// Returns all options by their names: a copy of the defaults, which takes a tenth of the time, with the
+/// differences.
 [[nodiscard]] pybind11::dict dict_of(const Options& options);
 
-/// `open` of ticks_of, which is given the options of each LCQP first. None stays.
+/// Binds the options of each LCQP as the first argument of `open` of ticks_of. None stays None.
 [[nodiscard]] pybind11::object with_options(const pybind11::object& open, const Options& lcqp);
 
-/// Of each of the four kinds of vectors its blocks (first, count, by); None: nothing moves.
+/// Reads the blocks (first, count, by) of each of the four kinds of vectors; None: no shift.
 [[nodiscard]] Shift shift_of(const pybind11::object& given);
 
-/// By its name.
+/// Returns the curvature by its name.
 [[nodiscard]] nonlinear::Curvature curvature_of(const std::string& name);
 
 }  // namespace marble::python

@@ -32,7 +32,7 @@ class UnaryCall {
     }
     CallLane& lane = lane_;
     lane.done_(work_, std::move(reply));
-    // The lane may end as soon as it knows that this is over.
+    // The lane may end as soon as it knows that this call has ended.
     const std::unique_ptr<UnaryCall> self(this);
     lane.over(&context_);
   }

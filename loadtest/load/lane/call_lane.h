@@ -1,4 +1,4 @@
-// Requests that are calls of their own: Solve and SolveStream.
+// Sends requests as separate calls: Solve and SolveStream.
 #pragma once
 
 #include <set>
@@ -12,9 +12,9 @@ namespace marble::load {
 
 class CallLane : public Lane {
  public:
-  /// All outlive the lane. `entry` says by which of the two methods.
+  /// All arguments outlive the lane. `entry` selects the method.
   CallLane(const Target& target, const LoadedEntry& entry, const Done& done);
-  /// Gives up what is under way, and waits for that.
+  /// Cancels the calls in progress, and waits for their end.
   ~CallLane() override;
 
   void send(const Work& work) override;

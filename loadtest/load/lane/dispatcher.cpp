@@ -62,8 +62,8 @@ void Dispatcher::send(const Lanes& lanes, Work& work) {
 }
 
 bool Dispatcher::sleep_until(Clock::time_point at, const std::stop_token& stop) {
-  // A condition variable wakes some 50 µs late, a sleep is no better: good enough beside a solve, and told as
-  // lag.
+  // A condition variable wakes about 50 µs late, and a sleep is no better: good enough compared with a solve,
+  // and reported as lag.
   const MutexLock lock(mutex_);
   while (!stop.stop_requested() && Clock::now() < at)
     changed_.wait_until(mutex_, stop, at, [&] { return Clock::now() >= at; });
@@ -114,7 +114,8 @@ void Dispatcher::next_of_client(const Lanes& lanes, std::size_t client) {
     const MutexLock lock(mutex_);
     if (--active_clients_ == 0) changed_.notify_all();
   };
-  // A request that is done while it is being sent never left: its client's stream has ended, and so has it.
+  // A request that is done while it is being sent was never sent: its client's stream has ended, and so has
+  // it.
   if (sending || over(now)) return leave();
   Work work = make_work(engines_[client], client, now);
   if (!claim(work)) return leave();

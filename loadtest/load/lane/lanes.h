@@ -1,4 +1,4 @@
-// All ways to the server that a run has: of each entry one for calls, or a stream a client or connection.
+// Holds all lanes of a run: one per entry for calls, or one stream per client or connection.
 #pragma once
 
 #include <memory>

@@ -1,4 +1,4 @@
-// The server under load: its connections, and what every call to it carries.
+// Represents the server under load: its connections, and the metadata of every call.
 #pragma once
 
 #include <grpcpp/client_context.h>
@@ -21,9 +21,9 @@ class Target {
   [[nodiscard]] static Expected<Target> open(const std::string& address, const ConnectOptions& options,
                                              int connections);
 
-  /// Of client number `client`: they are dealt out in turns.
+  /// Returns the stub of client number `client`: clients are distributed round-robin.
   [[nodiscard]] Stub& stub(std::size_t client) const { return *stubs_[client % stubs_.size()]; }
-  /// Says who calls; `deadline_s` 0 is none.
+  /// Sets the caller's name and the deadline; `deadline_s` 0 is none.
   void prepare(grpc::ClientContext& context, double deadline_s) const;
   [[nodiscard]] int connections() const { return static_cast<int>(stubs_.size()); }
   [[nodiscard]] const std::string& address() const { return address_; }

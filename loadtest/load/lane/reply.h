@@ -1,4 +1,4 @@
-// Replies from what gRPC gives.
+// Converts gRPC results to replies.
 #pragma once
 
 #include <grpcpp/support/byte_buffer.h>
@@ -10,12 +10,12 @@
 namespace marble::load {
 
 [[nodiscard]] Reply error_reply(const grpc::Status& status);
-/// Of one request on a stream that goes on.
+/// Returns the reply of one failed request on a stream that continues.
 [[nodiscard]] Reply error_reply(const google::rpc::Status& status);
-/// The server broke its contract, as far as one can see from here.
+/// Returns the reply for a server that broke its contract, as far as the client can see.
 [[nodiscard]] Reply broken_reply(const std::string& why);
 
-/// False if the bytes are no such message. Frees them.
+/// Returns false if the bytes are not such a message. Frees them.
 [[nodiscard]] bool parse(grpc::ByteBuffer& bytes, google::protobuf::Message* message);
 
 }  // namespace marble::load

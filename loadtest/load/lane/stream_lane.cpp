@@ -20,7 +20,7 @@ Expected<void> StreamLane::open() {
   target_.prepare(context_, 0.0);
   const char* const method = session ? "/marble.v1.Solver/Session" : "/marble.v1.Solver/SolveBatch";
   target_.stub(client_).PrepareBidiStreamingCall(&context_, method, {}, this);
-  AddHold();  // others than its own reactions write
+  AddHold();  // threads other than its reactions write
   StartRead(&read_);
   opened_ = true;
   {
@@ -114,8 +114,7 @@ void StreamLane::OnReadDone(bool good) {
       return;
     }
     const auto found = waiting_.find(outcome.id);
-    if (found ==
-        waiting_.end()) {  // nothing to which it could be the answer: nothing can be trusted from here
+    if (found == waiting_.end()) {  // it matches no request: nothing that follows can be trusted
       context_.TryCancel();
       return;
     }

@@ -1,4 +1,4 @@
-// Requests that share a stream: updates of a session, problems of a batch.
+// Sends requests that share a stream: updates of a session, problems of a batch.
 #pragma once
 
 #include <deque>
@@ -15,12 +15,12 @@ namespace marble::load {
 
 class StreamLane : public Lane, private grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer> {
  public:
-  /// All outlive the lane. `client` chooses the connection.
+  /// All arguments outlive the lane. `client` selects the connection.
   StreamLane(const Target& target, const LoadedEntry& entry, std::size_t client, const Done& done);
-  /// Gives up what is not answered.
+  /// Cancels what has no result.
   ~StreamLane() override;
 
-  /// Opens the stream, and waits for a session to be ready. Once, before anything is sent.
+  /// Opens the stream, and waits for a session to be ready. Called once, before anything is sent.
   [[nodiscard]] Expected<void> open();
   void send(const Work& work) override;
   void cancel() override;
@@ -51,7 +51,8 @@ class StreamLane : public Lane, private grpc::ClientBidiReactor<grpc::ByteBuffer
   Condition changed_;
   grpc::ByteBuffer written_ ABSL_GUARDED_BY(mutex_);
   bool ready_ ABSL_GUARDED_BY(mutex_) = false, writing_ ABSL_GUARDED_BY(mutex_) = false;
-  bool broken_ ABSL_GUARDED_BY(mutex_) = false;  // no more writes: the hold that let others write is gone
+  bool broken_ ABSL_GUARDED_BY(mutex_) =
+      false;  // no more writes: the hold that allowed others to write is released
   bool over_ ABSL_GUARDED_BY(mutex_) = false;
   grpc::Status status_ ABSL_GUARDED_BY(mutex_);
   std::int64_t last_id_ ABSL_GUARDED_BY(mutex_) = 0;

@@ -16,8 +16,8 @@ namespace {
 constexpr std::size_t kMostWaiting = 256;
 constexpr double kReducedAccuracy = 100.0;
 constexpr double kStationarity = 1e-4;
-constexpr double kObjective = 1e-8;  // two ways to add the same terms up
-constexpr double kRounding = 1e-9;   // beyond a tolerance: two ways to compute a violation
+constexpr double kObjective = 1e-8;  // allows two ways to sum the same terms
+constexpr double kRounding = 1e-9;   // beyond a tolerance: allows two ways to compute a violation
 
 std::string told(const char* what, double value, double most) {
   std::ostringstream text;
@@ -95,7 +95,7 @@ AnswerCheck::Findings AnswerCheck::finish() {
 }
 
 void AnswerCheck::run() {
-  setpriority(PRIO_PROCESS, 0, 19);  // of this thread alone, on Linux
+  setpriority(PRIO_PROCESS, 0, 19);  // for this thread alone, on Linux
   while (const std::optional<Item> item = next()) judge(*item);
   timespec used = {};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &used);

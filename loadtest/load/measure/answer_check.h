@@ -1,5 +1,5 @@
-// Answers are judged from the problem's own data, by code that the solver does not share: a fast wrong answer
-// is an error.
+// Checks solutions from the problem's own data, with code that the solver does not share: a fast wrong
+// solution is an error.
 #pragma once
 
 #include <atomic>
@@ -16,14 +16,14 @@
 
 namespace marble::load {
 
-/// What is wrong with an answer, or nothing. One that says "solved" must be feasible to its tolerances, one
-/// solved to reduced accuracy to 100 times these, and its multipliers must make it stationary to 1e-4 of the
-/// largest term; every answer must have the objective that it tells, and as many numbers as the problem has.
+/// Returns the fault of a solution, or nothing. A "solved" one must be feasible to its tolerances, one solved
+/// to reduced accuracy to 100 times these, and its multipliers must make it stationary to 1e-4 of the largest
+/// term. Every solution must have the objective that it reports, and as many numbers as the problem.
 [[nodiscard]] std::optional<std::string> fault_of(const OwnedProblem& problem, const Options& options,
                                                   const Solution& answer);
 
-/// Judges on a thread of its own, with the least claim to a processor. What it cannot keep up with is let go
-/// and counted.
+/// Checks on a separate thread with the lowest priority. Solutions that exceed its rate are dropped and
+/// counted.
 class AnswerCheck {
  public:
   explicit AnswerCheck(const std::vector<LoadedEntry>& entries);
@@ -36,11 +36,11 @@ class AnswerCheck {
   struct Findings {
     std::uint64_t checked = 0, let_go = 0;
     std::map<std::string, std::uint64_t> wrong;  ///< by entry
-    std::string first_fault;                     ///< what was wrong with the first of them
+    std::string first_fault;                     ///< the fault of the first of them
     double cpu_s = 0.0;
     [[nodiscard]] std::uint64_t wrong_count() const;
   };
-  /// Judges what is left, and ends.
+  /// Checks the rest, and ends.
   [[nodiscard]] Findings finish();
 
  private:
@@ -49,7 +49,7 @@ class AnswerCheck {
     v1::Solution answer;
   };
   void run();
-  [[nodiscard]] std::optional<Item> next();  // waits for one; nothing once all is judged
+  [[nodiscard]] std::optional<Item> next();  // waits for one; nothing once all are checked
   void judge(const Item& item);
 
   const std::vector<LoadedEntry>& entries_;
@@ -58,7 +58,7 @@ class AnswerCheck {
   std::deque<Item> items_ ABSL_GUARDED_BY(mutex_);
   bool ending_ ABSL_GUARDED_BY(mutex_) = false;
   Findings findings_ ABSL_GUARDED_BY(mutex_);
-  std::thread thread_;  // last: it uses the others
+  std::thread thread_;  // declared last: it uses the others
 };
 
 }  // namespace marble::load

@@ -7,7 +7,7 @@
 namespace marble::load {
 namespace {
 
-constexpr int kHalfBits = 10;  // 1024 buckets a power of two: 2⁻¹⁰ is the third digit
+constexpr int kHalfBits = 10;  // 1024 buckets per power of two: 2⁻¹⁰ is the third digit
 constexpr std::uint64_t kHalf = 1ULL << kHalfBits;
 constexpr std::uint64_t kLinear = 2 * kHalf;
 

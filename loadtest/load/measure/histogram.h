@@ -1,4 +1,4 @@
-// Counts of values in log-linear buckets: any quantile to three digits, in memory that does not grow.
+// Counts values in log-linear buckets: any quantile to three digits, in bounded memory.
 #pragma once
 
 #include <cstdint>
@@ -6,8 +6,8 @@
 
 namespace marble::load {
 
-/// Values from 0 to 2⁶³, in whatever unit (here nanoseconds). Below 2048 each has a bucket of its own; above,
-/// every power of two is cut into 1024 equal ones, so that a bucket is less than 0.1 % wide.
+/// Holds values from 0 to 2⁶³ in any unit (here nanoseconds). Below 2048 each value has its own bucket;
+/// above, every power of two is divided into 1024 equal ones, so that a bucket is less than 0.1 % wide.
 class Histogram {
  public:
   void add(std::int64_t value, std::uint64_t times = 1);  ///< below 0 counts as 0
@@ -19,8 +19,8 @@ class Histogram {
   [[nodiscard]] std::int64_t most() const { return most_; }
   [[nodiscard]] double mean() const;
 
-  /// The smallest value that at least this part of all values, in [0, 1], does not exceed, up to the width of
-  /// its bucket and never too small; 0 of no values.
+  /// Returns the smallest value that at least this part of all values, in [0, 1], does not exceed, up to the
+  /// width of its bucket and never too small; 0 without values.
   [[nodiscard]] std::int64_t quantile(double part) const;
 
   /// For plots: each filled bucket's largest value, and the part of all values up to it.
@@ -31,7 +31,7 @@ class Histogram {
   [[nodiscard]] std::vector<Step> steps() const;
 
  private:
-  std::vector<std::uint64_t> buckets_;  // up to the largest that was needed
+  std::vector<std::uint64_t> buckets_;  // up to the largest one used
   std::uint64_t count_ = 0;
   std::int64_t least_ = 0, most_ = 0;
   double sum_ = 0.0;

@@ -1,4 +1,4 @@
-// The machine a report is from, without its name, and what this process takes of it.
+// Describes the machine of a report, without its name, and this process's use of it.
 #pragma once
 
 #include <string>
@@ -13,7 +13,7 @@ struct Machine {
 
 [[nodiscard]] Machine this_machine();
 
-/// CPU seconds of all threads of this process so far, user and system.
+/// Returns CPU seconds of all threads of this process so far, user and system.
 [[nodiscard]] double own_cpu_s();
 
 }  // namespace marble::load

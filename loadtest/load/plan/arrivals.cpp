@@ -13,7 +13,7 @@ Arrivals::Arrivals(ArrivalProcess process, double rate_per_s, std::uint64_t seed
 std::chrono::nanoseconds Arrivals::next() {
   ++count_;
   if (process_ == ArrivalProcess::fixed) {
-    at_ns_ = 1e9 * static_cast<double>(count_) / rate_per_s_;  // not a sum of gaps: it would drift
+    at_ns_ = 1e9 * static_cast<double>(count_) / rate_per_s_;  // not a sum of gaps, which would drift
   } else {
     at_ns_ -= 1e9 / rate_per_s_ * std::log1p(-uniform(engine_));
   }

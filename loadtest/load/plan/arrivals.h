@@ -1,4 +1,4 @@
-// When requests arrive in an open loop, whatever the server does.
+// Generates the arrival times of an open loop, independent of the server.
 #pragma once
 
 #include <chrono>
@@ -17,7 +17,7 @@ class Arrivals {
   /// `rate_per_s` > 0. The same seed gives the same arrivals on every machine.
   Arrivals(ArrivalProcess process, double rate_per_s, std::uint64_t seed);
 
-  /// When the next one is due, counted from the beginning; ascends. The first fixed one comes after one gap.
+  /// Returns the next arrival, counted from the start; ascends. The first fixed one comes after one gap.
   [[nodiscard]] std::chrono::nanoseconds next();
 
  private:
@@ -28,7 +28,7 @@ class Arrivals {
   std::mt19937_64 engine_;
 };
 
-/// Uniform in [0, 1), the same on every machine.
+/// Returns a number uniform in [0, 1), the same on every machine.
 [[nodiscard]] double uniform(std::mt19937_64& engine);
 
 }  // namespace marble::load

@@ -1,4 +1,4 @@
-// A latency that a server shall hold.
+// Parses the latency objective of a server.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// The problems behind a scenario's entries.
+// Provides the problems of a scenario's entries.
 #include <algorithm>
 
 #include "formats.h"
@@ -8,8 +8,7 @@
 namespace marble::load {
 namespace {
 
-// MacMPEC's jr1: min (z₁ − 1)² + z₂² with 0 ≤ z₂ ⊥ z₂ − z₁ ≥ 0: what a request costs that asks next to
-// nothing.
+// MacMPEC's jr1: min (z₁ − 1)² + z₂² with 0 ≤ z₂ ⊥ z₂ − z₁ ≥ 0: measures the cost of a nearly empty request.
 OwnedProblem jr1() {
   OwnedProblem p;
   p.name = "jr1";

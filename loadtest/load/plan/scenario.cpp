@@ -16,7 +16,7 @@ constexpr std::string_view kExamplesText = "hopper, rocket, gates, qpec or jr1";
 constexpr std::int64_t kMostVariants = 1000;
 constexpr std::int64_t kLargestSize = 100'000;
 
-// The first fault of a scenario, with the line it is in.
+// Keeps the first error of a scenario, with its line.
 class Reader {
  public:
   Reader(const std::filesystem::path& path, Scenario& scenario) : path_(path), scenario_(scenario) {}

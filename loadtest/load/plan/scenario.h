@@ -1,4 +1,4 @@
-// What is asked of the server: a mix of problems with their weights, priorities and limits.
+// Describes the mix of requests: problems with their weights, priorities and limits.
 #pragma once
 
 #include <cstdint>
@@ -14,11 +14,11 @@
 
 namespace marble::load {
 
-/// By which of the server's methods a request goes.
+/// The server's method for a request.
 enum class Mode {
   unary,     ///< Solver.Solve
-  streamed,  ///< Solver.SolveStream, every iteration told
-  session,   ///< Solver.Session: updates of a problem that was set up before the measurement
+  streamed,  ///< Solver.SolveStream, every iteration reported
+  session,   ///< Solver.Session: updates of a problem that is set up before the measurement
   batch,     ///< Solver.SolveBatch
 };
 [[nodiscard]] const char* to_string(Mode mode);
@@ -26,15 +26,15 @@ enum class Mode {
 /// One kind of request in the mix.
 struct Entry {
   std::string name;
-  std::string problem;         ///< a built-in example; empty where there is a file
+  std::string problem;         ///< a built-in example; empty if there is a file
   std::filesystem::path file;  ///< in any format the tools read
-  int size = 0;                ///< of the example: steps, or of qpec variables; 0 is its own default
-  int variants = 1;            ///< of the example, numbers varied by a few percent; taken in turns
+  int size = 0;                ///< of the example: steps, or of qpec variables; 0 is its default
+  int variants = 1;            ///< of the example, with numbers varied by a few percent; used in turns
   double weight = 1.0;         ///< its part of all requests is weight / sum of the weights
-  std::optional<Mode> mode;    ///< the run's where it is absent
+  std::optional<Mode> mode;    ///< the run's if absent
   Priority priority = Priority::by_method;
   double deadline_s = 0.0;           ///< of a call or an update; 0: none
-  bool cold = false;                 ///< sessions: forget the last answer before each solve
+  bool cold = false;                 ///< sessions: discard the last solution before each solve
   double progress_interval_s = 0.0;  ///< streamed: least time between two rows
   Options options;
 };
@@ -43,19 +43,19 @@ struct Scenario {
   std::vector<Entry> entries;
 };
 
-/// A scenario of one problem: a built-in example by name, or a file by path.
+/// Returns a scenario of one problem: a built-in example by name, or a file by path.
 [[nodiscard]] Entry single_entry(const std::string& problem);
 
 /// Reads a scenario in TOML. Errors: not_found, or invalid_argument whose message names file, line, key and
-/// rule. Relative files are beside the scenario's.
+/// rule. Relative paths start at the scenario's folder.
 [[nodiscard]] Expected<Scenario> read_scenario(const std::filesystem::path& path);
 [[nodiscard]] Expected<Scenario> parse_scenario(const std::string& text, const std::filesystem::path& path);
 
-/// Names of the built-in examples: hopper, rocket, gates, qpec, jr1.
+/// Returns the names of the built-in examples: hopper, rocket, gates, qpec, jr1.
 [[nodiscard]] const std::vector<std::string>& example_names();
 
-/// The problems of an entry, one a variant; all have the same sizes. Errors: those of the file, or a size
-/// that the example cannot have.
+/// Returns the problems of an entry, one per variant; all have the same sizes. Errors: those of the file, or
+/// an invalid size for the example.
 [[nodiscard]] Expected<std::vector<OwnedProblem>> problems_of(const Entry& entry);
 
 }  // namespace marble::load

@@ -35,7 +35,7 @@ grpc::ByteBuffer setup_of(const Entry& entry, const OwnedProblem& problem) {
 
 using Values = google::protobuf::RepeatedField<double>;
 
-// Every part that differs between any two variants is sent for all, whatever was sent before.
+// Sends every part that differs between any two variants for all, whatever was sent before.
 template <class Part>
 void add_changes(const std::vector<OwnedProblem>& all, const OwnedProblem& problem, Part part, Values* to) {
   for (const OwnedProblem& other : all) {

@@ -1,4 +1,4 @@
-// The problems of a scenario, and the bytes that ask for them: made once, so that sending costs little.
+// Holds the problems of a scenario and their serialized requests, made once so that sending is cheap.
 #pragma once
 
 #include <grpcpp/support/byte_buffer.h>
@@ -13,15 +13,15 @@ namespace marble::load {
 struct LoadedEntry {
   Entry entry;
   Mode mode = Mode::unary;
-  std::vector<OwnedProblem> problems;      ///< one a variant
-  std::vector<grpc::ByteBuffer> requests;  ///< one a variant, but for the sequence or tag
-  grpc::ByteBuffer setup;                  ///< session: what comes first
+  std::vector<OwnedProblem> problems;      ///< one per variant
+  std::vector<grpc::ByteBuffer> requests;  ///< one per variant, without the sequence or tag
+  grpc::ByteBuffer setup;                  ///< session: the first message
 };
 
-/// Loads every problem and makes every message. `mode` is that of entries without one.
+/// Loads every problem and builds every message. `mode` applies to entries without one.
 [[nodiscard]] Expected<std::vector<LoadedEntry>> load(const Scenario& scenario, Mode mode);
 
-/// Two messages of one type as one: protobuf merges what follows one another.
+/// Joins two messages of one type: protobuf merges concatenated messages.
 [[nodiscard]] grpc::ByteBuffer merged(const grpc::ByteBuffer& message, const std::string& addition);
 
 }  // namespace marble::load

@@ -6,7 +6,7 @@
 namespace marble::load {
 namespace {
 
-constexpr std::size_t kMostPoints = 600;  // of a line: more than it has pixels is of no use
+constexpr std::size_t kMostPoints = 600;  // of a line: more points than pixels are useless
 
 constexpr const char* kStyle = R"(
 :root { color-scheme: light dark; --back: #ffffff; --text: #1d2228; --faint: #d8dde3; --soft: #5d6772;
@@ -47,7 +47,7 @@ Series distribution(const std::string& name, const Histogram& histogram) {
   const std::size_t stride = 1 + steps.size() / kMostPoints;
   double before = 0.0;
   for (std::size_t i = 0; i < steps.size(); ++i) {
-    // The tail is drawn in full: it is what the plot is for.
+    // The tail is drawn in full: the plot is about it.
     if (i % stride == 0 || steps[i].part > 0.99)
       series.points.emplace_back(1e-6 * static_cast<double>(steps[i].value), before);
     before = steps[i].part;

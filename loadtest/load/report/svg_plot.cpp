@@ -12,7 +12,7 @@ constexpr double kWidth = 760, kHeight = 360;
 constexpr double kLeft = 76, kRight = 16, kTop = 36, kBottom = 56;
 constexpr double kMostNines = 5.0;
 
-// Where a value stands on an axis: from 0 to 1.
+// Maps a value to its position on an axis: from 0 to 1.
 class Ruler {
  public:
   Ruler(const Axis& axis, const std::vector<Series>& series, bool is_x) : scale_(axis.scale) {

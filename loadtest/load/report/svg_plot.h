@@ -1,4 +1,4 @@
-// Lines over two axes, as SVG inside a page: colours come from the page's style.
+// Draws lines over two axes as SVG inside a page; the page's style defines the colours.
 #pragma once
 
 #include <string>
@@ -10,7 +10,7 @@ namespace marble::load {
 enum class Scale {
   linear,
   logarithmic,
-  nines,  ///< of parts in [0, 1): 0, 90 %, 99 %, 99.9 % at equal distances
+  nines,  ///< for parts in [0, 1): 0, 90 %, 99 %, 99.9 % at equal distances
 };
 
 struct Axis {
@@ -20,16 +20,17 @@ struct Axis {
 
 struct Series {
   std::string name;
-  std::vector<std::pair<double, double>> points;  ///< those an axis cannot show are left out
+  std::vector<std::pair<double, double>> points;  ///< points that an axis cannot show are dropped
   bool line = true;
   bool marks = false;
 };
 
-/// An <svg> element of 760 × 360 units, with axes, a grid, a legend and up to six series in their colours.
+/// Returns an <svg> element of 760 × 360 units, with axes, a grid, a legend and up to six series in their
+/// colours.
 [[nodiscard]] std::string svg_plot(const std::string& title, const Axis& x, const Axis& y,
                                    const std::vector<Series>& series);
 
-/// Text inside HTML or SVG.
+/// Escapes text for HTML or SVG.
 [[nodiscard]] std::string escaped(const std::string& text);
 
 }  // namespace marble::load

@@ -1,4 +1,4 @@
-// What a server does at rates beyond its capacity: how much of its work still arrives in time.
+// Measures a server at rates beyond its capacity: how much of its work is still in time.
 #pragma once
 
 #include <functional>
@@ -8,8 +8,8 @@
 
 namespace marble::load {
 
-/// Measures the capacity, as the rate of a closed loop of two clients a worker, then a run at each level.
-/// Requests should have deadlines: an answer that comes is one in time. Ends early with a stop.
+/// Measures the capacity, as the rate of a closed loop of two clients per worker, then a run at each level.
+/// Requests should have deadlines: then every result that arrives is in time. A stop ends it early.
 [[nodiscard]] Expected<OverloadResult> overload(const RunParts& parts, const Plan& plan,
                                                 const std::vector<double>& levels, int workers,
                                                 const std::stop_token& stop,

@@ -8,8 +8,8 @@
 namespace marble::load {
 namespace {
 
-constexpr double kKeepsUp = 0.95;  // of what was offered; less is an ever longer queue
-constexpr double kFewest = 10.0;   // requests of a run: fewer tell nothing
+constexpr double kKeepsUp = 0.95;  // of the offered rate; less means a growing queue
+constexpr double kFewest = 10.0;   // requests of a run: fewer are not significant
 
 std::string ms(double seconds) {
   std::ostringstream text;

@@ -13,13 +13,13 @@
 namespace marble::load {
 namespace {
 
-constexpr double kLateLag_s = 1e-3;  // below it nobody would notice
+constexpr double kLateLag_s = 1e-3;  // a smaller lag is irrelevant
 constexpr double kLateShare = 0.1;   // of the median latency
 constexpr double kGivenUp_s = 10.0;  // for cancelled requests to end
 
 double seconds(Clock::duration d) { return std::chrono::duration<double>(d).count(); }
 
-// Looks at everything once a second.
+// Samples everything once a second.
 class Log {
  public:
   Log(const RunParts& parts, Recorder& recorder, RunResult& result, Clock::time_point measured_from)
@@ -48,7 +48,7 @@ class Log {
     result_.server_cpu_s = result_.after.cpu_s - result_.before.cpu_s;
     result_.load_cpu_s = own_cpu_s() - own_cpu_before_s_;
   }
-  // False if the end came first.
+  // Returns false if the end came first.
   bool wait_until(Clock::time_point at) {
     const MutexLock lock(mutex_);
     while (!ending_ && changed_.wait_until(mutex_, at) == std::cv_status::no_timeout) {
@@ -57,7 +57,7 @@ class Log {
   }
   void begin() {
     begun_ = true;
-    Tally early = recorder_.take();  // mostly warm-up, of which only the ends were counted
+    Tally early = recorder_.take();  // mostly warm-up, of which only the ends are counted
     early.ended_answers = early.ended_errors = 0;
     result_.tally.merge(early);
     own_cpu_before_s_ = own_cpu_s();
@@ -93,7 +93,7 @@ class Log {
   Mutex mutex_;
   Condition changed_;
   bool ending_ ABSL_GUARDED_BY(mutex_) = false;
-  std::thread thread_;  // last: it uses the others
+  std::thread thread_;  // declared last: it uses the others
 };
 
 }  // namespace
@@ -106,7 +106,7 @@ std::uint64_t RunResult::failures() const {
   return tally.sum().error_count() + check.wrong_count() + abandoned;
 }
 
-// Answers that come while it is measured, of requests sent before or during that.
+// Uses results that arrive during the measurement, of requests sent before or during it.
 double OverloadStep::useful() const {
   const Histogram run = result.tally.sum().run;
   const double busy_s = result.after.busy_s - result.before.busy_s;

@@ -1,4 +1,4 @@
-// One measurement: warm-up, requests, answers, and what they were like.
+// Runs one measurement: warm-up, requests, and their results.
 #pragma once
 
 #include <functional>
@@ -13,13 +13,13 @@ namespace marble::load {
 
 struct RunParts {
   const Target& target;
-  const Client& server;  ///< on a connection of its own, for the server's counters
+  const Client& server;  ///< on a separate connection, for the server's counters
   const std::vector<LoadedEntry>& entries;
-  std::function<void(const Second&)> told;  ///< after every second; may be empty
+  std::function<void(const Second&)> told;  ///< called after every second; may be empty
 };
 
-/// Errors are of what did not run: the server is away, a session was refused. What happens to requests is in
-/// the result. A stop ends it early, with the result so far.
+/// Errors are those of a run that did not start: the server is unreachable, a session was refused. Failed
+/// requests are in the result. A stop ends it early, with the result so far.
 [[nodiscard]] Expected<RunResult> run(const RunParts& parts, const Plan& plan, const std::stop_token& stop);
 
 }  // namespace marble::load

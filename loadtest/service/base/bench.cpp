@@ -11,7 +11,7 @@
 namespace marble::bench {
 
 constexpr double kTolerance =
-    1e-4;  // 100 times the options' default: what "solved to reduced accuracy" means
+    1e-4;  // 100 times the options' default: the meaning of "solved to reduced accuracy"
 
 testing::ServerProcess start_server(const std::vector<std::string>& flags) {
   const auto binary = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "marble-server";
@@ -81,7 +81,7 @@ v1::Solution Session::solve(v1::SessionUpdate update) {
   request.mutable_update()->set_sequence(++sequence_);
   v1::SessionResponse response;
   must(stream_->Write(request) && stream_->Read(&response), "a session broke");
-  // Not for every answer: its text takes longer than the way there and back.
+  // Only on failure: building the text takes longer than the round trip.
   if (!response.has_answer()) must(false, "an update has no answer: " + response.ShortDebugString());
   return std::move(*response.mutable_answer()->mutable_solution());
 }

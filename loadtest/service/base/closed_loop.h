@@ -1,4 +1,4 @@
-// Solves as fast as they come, for blocks of time: on a server, or in this process.
+// Solves as fast as possible for blocks of time: on a server, or in this process.
 #pragma once
 
 #include <atomic>
@@ -8,7 +8,7 @@
 
 namespace marble::bench {
 
-/// What one block of time gave.
+/// The result of one block of time.
 struct Block {
   double seconds = 0.0;
   int solves = 0;
@@ -17,14 +17,14 @@ struct Block {
   [[nodiscard]] double solves_per_s() const { return solves / seconds; }
   [[nodiscard]] double server_cpu_per_solve_s() const { return server_cpu_s / solves; }
   [[nodiscard]] double own_cpu_per_solve_s() const { return own_cpu_s / solves; }
-  /// With the part of the machine's cores that this process took given back: what the server would do if its
-  /// clients had a machine of their own.
+  /// Returns the rate with this process's share of the machine's cores given back: the server's rate if its
+  /// clients had a separate machine.
   [[nodiscard]] double accounted_solves_per_s(int cores) const {
     return solves_per_s() / (1.0 - own_cpu_s / (seconds * cores));
   }
 };
 
-/// Clients on one connection, each of which asks again as soon as it is answered.
+/// Clients on one connection, each of which sends the next request as soon as it has its result.
 class RemoteLoop {
  public:
   RemoteLoop(const std::string& address, const OwnedProblem& problem, int clients);
@@ -40,14 +40,14 @@ class RemoteLoop {
   const std::unique_ptr<v1::Server::Stub> info_;
 };
 
-/// Threads that set the problem up and solve it again and again.
+/// Runs threads that set the problem up and solve it repeatedly.
 [[nodiscard]] Block run_in_process(const OwnedProblem& problem, int threads, std::chrono::milliseconds time);
 
 using load::own_cpu_s;
-/// And of a server, as it tells.
+/// The same for a server, as it reports.
 [[nodiscard]] double server_cpu_s(v1::Server::Stub& server);
 
-/// Each value over that of the other list at the same place.
+/// Returns each value divided by that of the other list at the same position.
 [[nodiscard]] std::vector<double> ratios(const std::vector<double>& values, const std::vector<double>& to);
 
 }  // namespace marble::bench

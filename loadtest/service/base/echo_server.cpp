@@ -7,7 +7,7 @@
 namespace marble::bench {
 namespace {
 
-// By the callback API, as the server.
+// Uses the callback API, as the server does.
 class Echo final : public v1::Solver::WithRawCallbackMethod_Solve<v1::Solver::Service> {
  public:
   explicit Echo(const std::string& answer) : slice_(answer) {}

@@ -1,4 +1,4 @@
-// The least that an answer over gRPC costs: a server that says the same bytes to whatever is asked.
+// Measures the minimal cost of a response over gRPC: a server that sends the same bytes for every request.
 #pragma once
 
 #include <memory>
@@ -9,15 +9,15 @@
 
 namespace marble::bench {
 
-/// In a process of its own, as the server it is compared with.
+/// Runs in a separate process, as the server that it is compared with.
 class EchoServer {
  public:
-  /// `answer` is the bytes of the answer to Solver.Solve.
+  /// `answer` is the bytes of the response to Solver.Solve.
   explicit EchoServer(const std::string& answer);
   [[nodiscard]] const std::string& tcp_address() const { return addresses_.at(0); }
   [[nodiscard]] const std::string& unix_address() const { return addresses_.at(1); }
 
-  /// What that process does: main() calls it for "--echo-server FOLDER".
+  /// The body of that process: main() calls it for "--echo-server FOLDER".
   static int serve(const std::string& folder);
 
  private:

@@ -1,4 +1,4 @@
-// What a measurement says about a promise: a ratio, and the limit it should keep.
+// Compares a measurement with a promise: a ratio, and its limit.
 #pragma once
 
 #include <string>
@@ -11,16 +11,16 @@ struct Finding {
   double value = 0.0;  ///< usually a ratio
   double limit = 0.0;
   bool at_most = true;  ///< else the value should be at least the limit
-  std::string detail;   ///< the figures it is made from
+  std::string detail;   ///< the underlying figures
 
   [[nodiscard]] bool holds() const { return at_most ? value <= limit : value >= limit; }
 };
 
-/// Prints it, and keeps it for write_findings().
+/// Prints the finding, and keeps it for write_findings().
 void tell(Finding finding);
 
-/// All that was told so far as a JSON array, {name, value, limit, at_most, holds, detail} each. False if the
-/// file cannot be written.
+/// Writes all findings so far as a JSON array, {name, value, limit, at_most, holds, detail} each. Returns
+/// false if the file cannot be written.
 [[nodiscard]] bool write_findings(const std::string& path);
 
 }  // namespace marble::bench

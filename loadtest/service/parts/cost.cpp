@@ -13,12 +13,12 @@
 namespace marble::bench {
 namespace {
 
-constexpr int kRounds = 30;  // each asks both servers, in turns who is first
+constexpr int kRounds = 30;  // each uses both servers, in alternating order
 constexpr std::chrono::milliseconds kBlock{1000};
 constexpr int kClients = 4;  // of one server, on one connection
 constexpr double kAim = 0.98;
 
-// What an operator has on: a scraper, an open page, and somebody who watches.
+// What an operator runs: a scraper, an open page, and a watcher.
 class Onlookers {
  public:
   explicit Onlookers(const testing::ServerProcess& server)
@@ -51,7 +51,7 @@ class Onlookers {
     reader->Finish();
   }
 
-  // As the page does. It hears something twice a second, which is when it finds out that it is over.
+  // As the page does. It receives an event twice a second, and only then notices the end.
   void view(const std::stop_token& stop) {
     httplib::Client client(http_);
     client.Get("/api/events", [&](const char*, std::size_t bytes) {
@@ -68,9 +68,9 @@ class Onlookers {
   std::jthread scraper_, watcher_, viewer_;
 };
 
-// What was measured of one server.
+// Measurements of one server.
 struct Side {
-  std::vector<double> solves_per_s, cpu_ms;  // cpu_ms: of the server, a solve
+  std::vector<double> solves_per_s, cpu_ms;  // cpu_ms: of the server, per solve
 
   void add(const Block& block) {
     solves_per_s.push_back(block.solves_per_s());

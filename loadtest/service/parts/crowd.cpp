@@ -1,4 +1,4 @@
-// A thousand sessions that do nothing and a hundred dashboards: what they cost those who work.
+// Measures the cost of a thousand idle sessions and a hundred dashboards for active clients.
 #include <httplib.h>
 
 #include <atomic>
@@ -22,7 +22,7 @@ constexpr int kRounds = 10;
 constexpr std::chrono::milliseconds kBlock{1500};
 constexpr std::chrono::seconds kIdle{3};
 
-// Half of them as the page, half by Jobs.Watch.
+// Half of them read as the page does, half by Jobs.Watch.
 class Dashboards {
  public:
   explicit Dashboards(const testing::ServerProcess& server) {
@@ -65,7 +65,7 @@ class Dashboards {
   std::atomic<bool> stopping_ = false;
   std::atomic<std::size_t> heard_ = 0;
   std::vector<std::unique_ptr<Watcher>> watchers_;
-  std::vector<std::jthread> threads_;  // last: they use the others
+  std::vector<std::jthread> threads_;  // declared last: they use the others
 };
 
 }  // namespace
@@ -89,7 +89,7 @@ void crowd() {
   RemoteLoop busy(crowded.address(), problem, kClients), free(alone.address(), problem, kClients);
   static_cast<void>(busy.run(kBlock));
   static_cast<void>(free.run(kBlock));
-  // What the crowd costs while nobody solves.
+  // The cost of the crowd while no one solves.
   const auto info = v1::Server::NewStub(connect(crowded.address()));
   const double server_before = server_cpu_s(*info), own_before = own_cpu_s();
   std::this_thread::sleep_for(kIdle);

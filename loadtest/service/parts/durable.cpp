@@ -1,4 +1,4 @@
-// What it costs to keep jobs: submitted to memory, to a file of SQLite, and to PostgreSQL, in turns.
+// Measures the cost of storing jobs: in memory, in a file of SQLite, and in PostgreSQL, in turns.
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -18,10 +18,10 @@ namespace {
 
 constexpr const char* kPostgres = "/usr/lib/postgresql/15/bin";
 constexpr int kClients[] = {1, 16};  // on one connection
-constexpr int kRounds = 6;           // each asks all servers, in turns
+constexpr int kRounds = 6;           // each uses all servers, in turns
 constexpr std::chrono::milliseconds kBlock{1500};
 
-// What was measured with one store.
+// Measurements of one store.
 struct Kept {
   std::vector<double> jobs_per_s, submit_ms, answer_ms;
 };
@@ -37,7 +37,7 @@ class Store {
 
   [[nodiscard]] const char* name() const { return name_; }
 
-  /// Clients that submit, fetch the answer, and submit again.
+  /// Clients that submit, fetch the result, and submit again.
   void run(int clients, Kept& kept) {
     std::mutex mutex;
     const auto begin = Clock::now();

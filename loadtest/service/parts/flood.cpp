@@ -14,11 +14,11 @@ constexpr int kTicks = 200;
 constexpr int kEqualTicks = 30;  // each waits for the whole queue
 constexpr std::chrono::milliseconds kPeriod{20};
 constexpr int kFlooders = 8;
-constexpr int kFloodSteps = 8;  // some ten milliseconds each
+constexpr int kFloodSteps = 8;  // about ten milliseconds each
 constexpr int kLoopSteps = 20;
-const char* const kName = "bench";  // of all clients: fairness between clients shall not help
+const char* const kName = "bench";  // of all clients: fairness between clients must not help
 
-// Batches without end, each a few problems ahead of the answers.
+// Endless batches, each a few problems ahead of the results.
 class Flood {
  public:
   Flood(const std::string& address, int streams) {
@@ -36,7 +36,7 @@ class Flood {
     threads_.clear();
   }
   [[nodiscard]] int answers() const { return answers_; }
-  [[nodiscard]] double longest_ms() const { return longest_ms_; }  // time of one job on its worker
+  [[nodiscard]] double longest_ms() const { return longest_ms_; }  // duration of one job on its worker
 
  private:
   void run(const std::string& address, int number) {

@@ -46,7 +46,7 @@ void idle() {
   const OwnedProblem small = examples::hopper(parameters);
   const auto channel = connect(server.address());
   const auto stub = v1::Solver::NewStub(connect(server.address()));
-  const std::vector<double> alone_ms = solve_ms(*stub, large);  // warms the server up, too
+  const std::vector<double> alone_ms = solve_ms(*stub, large);  // also warms the server up
 
   const double before = resident_kib(server.pid());
   std::vector<double> open_ms;

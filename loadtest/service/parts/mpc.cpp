@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kTicks = 50;
 
-// What was measured of one way to solve the ticks.
+// Measurements of one way to solve the control steps.
 struct Column {
   std::vector<double> factorizations, solve_ms, round_trip_ms, overhead_ms;
   int wrong = 0;
@@ -48,7 +48,7 @@ void mpc() {
     const v1::SessionUpdate update = next_tick(problem, parameters.steps);
     auto begin = Clock::now();
     const v1::Solution answer = session.solve(update);
-    const double warm_ms = ms_since(begin);  // before the check, which takes its time
+    const double warm_ms = ms_since(begin);  // before the check, which takes time
     warm.add(answer, warm_ms, is_right(problem, answer));
     plan = solution_of(answer);
 

@@ -1,25 +1,25 @@
-// The parts of the service benchmark: each starts a server of its own and prints what it measures.
+// Declares the parts of the service benchmark: each starts its own server and prints its measurements.
 #pragma once
 
 namespace marble::bench {
 
 /// The hopper's receding horizon, warm in a session against cold unary solves.
 void mpc();
-/// A control loop's ticks while others flood the server.
+/// A control loop's steps while other clients flood the server.
 void flood();
-/// Sessions that do nothing.
+/// Idle sessions.
 void idle();
-/// What metrics, logs, traces and those who watch cost.
+/// The cost of metrics, logs, traces and watchers.
 void cost();
-/// The same solves here and there; tiny ones beside a bare echo.
+/// The same solves remote and in process; tiny ones beside a bare echo.
 void remote();
-/// Two workers against two threads here.
+/// Two workers against two threads in process.
 void throughput();
 /// Full load beside idle sessions and dashboards.
 void crowd();
 /// Submitted jobs kept in memory, by SQLite, by PostgreSQL.
 void durable();
-/// What telling every iteration costs the solve.
+/// The cost of reporting every iteration.
 void streaming();
 
 }  // namespace marble::bench

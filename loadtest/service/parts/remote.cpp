@@ -1,4 +1,4 @@
-// What it costs that the solver is elsewhere: the same solves here and there, in turns.
+// Measures the cost of a remote solver: the same solves remote and in process, in turns.
 #include <cstdio>
 #include <functional>
 
@@ -16,7 +16,7 @@ namespace marble::bench {
 namespace {
 
 constexpr int kHopperRounds = 40;
-constexpr int kTinyRounds = 80, kTinyBlock = 50;  // of each way in turns, so many in a row
+constexpr int kTinyRounds = 80, kTinyBlock = 50;  // alternating blocks of each way
 constexpr double kHopperLimit = 1.05;
 constexpr double kTinyLimit = 1.3;
 
@@ -26,7 +26,7 @@ Client client_of(const std::string& address) {
   return Client::connect(address, options).value();
 }
 
-// Milliseconds that a piece of work takes.
+// Returns the milliseconds that a piece of work takes.
 template <class Work>
 double timed_ms(const Work& work) {
   const auto begin = Clock::now();
@@ -73,7 +73,7 @@ void hopper(const testing::ServerProcess& server) {
         figures("medians: session %.3f ms, local %.3f ms", median(remote_ms), median(local_ms))});
 }
 
-// One way to ask, over one kind of socket.
+// One way to send requests, over one kind of socket.
 struct Way {
   const char* name;
   std::function<void()> once;

@@ -1,4 +1,4 @@
-// What it costs a solve that every iteration is told, to a reader and to one that does not read.
+// Measures the cost of reporting every iteration of a solve, to a reader and to one that does not read.
 #include <cstdio>
 #include <thread>
 
@@ -38,7 +38,7 @@ class Asker {
     return asked.solve_ms.back();
   }
 
-  /// Reads nothing before `stall_ms` are over.
+  /// Reads nothing before `stall_ms` have passed.
   void streamed(Asked& asked, double stall_ms) {
     const double before = server_cpu_s(*info_);
     grpc::ClientContext context;

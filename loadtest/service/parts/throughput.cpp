@@ -1,4 +1,4 @@
-// Two workers with four clients against two threads that solve here, in turns.
+// Measures two workers with four clients against two threads in process, in turns.
 #include <cstdio>
 
 #include "base/bench.h"
@@ -10,7 +10,7 @@
 namespace marble::bench {
 namespace {
 
-constexpr int kCores = 2;  // workers, threads, and what both sides may use of the machine
+constexpr int kCores = 2;  // workers, threads, and the cores that both sides may use
 constexpr int kClients = 4;
 constexpr int kRounds = 12;
 constexpr std::chrono::milliseconds kBlock{1500};

@@ -1,4 +1,4 @@
-// Problems that rows tie together, and a long one in pieces, told iteration by iteration.
+// Solves problems coupled by rows, or a long horizon in pieces, and prints each iteration.
 #include <algorithm>
 #include <cstdio>
 #include <iostream>

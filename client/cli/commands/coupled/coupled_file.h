@@ -1,4 +1,4 @@
-// Problems that rows tie together, as a file.
+// Reads a coupled problem from a file.
 #pragma once
 
 #include <string>
@@ -8,19 +8,19 @@
 
 namespace marble::cli {
 
-/// What was read, owned.
+/// The content of the file, owned.
 struct CoupledFile {
   std::vector<OwnedProblem> blocks;
   std::vector<SparseMatrix> coupling;
   std::vector<double> total;
 
-  /// Of its arrays; it must outlive the view.
+  /// A view of its arrays; this must outlive the view.
   [[nodiscard]] CoupledView view() const;
 };
 
-/// {"total": [4], "blocks": [{"problem": "left.json", "coupling": {"rows": 1, "cols": 1, "i": [0], "j": [0],
-/// "v": [1]}}, …]}; files are found from where this one is, in any format. Errors name the field, and the
-/// file of a block that cannot be read.
+/// Reads {"total": [4], "blocks": [{"problem": "left.json", "coupling": {"rows": 1, "cols": 1, "i": [0], "j":
+/// [0], "v": [1]}}, …]}; paths are relative to this file, in any format. Errors name the field, and the file
+/// of a block that cannot be read.
 [[nodiscard]] Expected<CoupledFile> read_coupled(const std::string& path);
 
 }  // namespace marble::cli

@@ -1,4 +1,4 @@
-// cancel and delete: both tell a job to end, and delete lets its answer go too.
+// Implements cancel and delete: both end a job, and delete removes its solution too.
 #include <iostream>
 #include <memory>
 
@@ -22,7 +22,7 @@ int cancel_job(const EndArguments& arguments, const Jobs& jobs, const std::strin
   if (arguments.server.json()) {
     std::cout << line(to_json(*job)) << '\n';
   } else {
-    // A running solve ends with its iteration, a moment from now.
+    // A running solve ends with its current iteration, shortly after.
     const bool over = job->state == JobState::finished;
     std::cout << without_controls(id) << (over ? " has ended: " + ending(*job) : " is told to end") << '\n';
   }

@@ -25,7 +25,7 @@ struct ReplayArguments {
   ServerArguments server;
 };
 
-/// What is compared with what.
+/// The recorded values of a comparison.
 struct Recorded {
   Bundle bundle;
   v1::SolveRequest request;
@@ -33,7 +33,7 @@ struct Recorded {
   Options options;
   [[nodiscard]] bool has_answer() const { return !bundle.answer.empty(); }
   [[nodiscard]] const v1::JobInfo& job() const { return bundle.facts.job().job(); }
-  /// Its end was decided by a clock or a person, its iterations were not.
+  /// A clock or a person ended it; its iterations are still comparable.
   [[nodiscard]] bool was_cut_off() const {
     const auto status = answer.solution().status();
     return has_answer() && (status == v1::STATUS_TIME_LIMIT || status == v1::STATUS_CANCELLED ||
@@ -60,7 +60,7 @@ Expected<Recorded> read_recorded(const std::string& path) {
         failure(ErrorCode::invalid_argument, "is no bundle: answer.pb is no marble.v1.SolveResponse"));
   const v1::GetJobResponse& job = recorded.bundle.facts.job();
   const v1::Solution& solution = recorded.answer.solution();
-  // As they were used, the server's defaults included; of a job that it has forgotten its answer tells them.
+  // As used, including the server's defaults; if the server no longer has the job, its solution has them.
   const auto options = options_of(job.has_options()        ? job.options()
                                   : solution.has_options() ? solution.options()
                                                            : recorded.request.options());
@@ -75,8 +75,7 @@ std::vector<v1::Progress> messages_of(const std::vector<Progress>& rows) {
   return messages;
 }
 
-// No answer then, none now: alike if it is for the same kind of reason. Words are the server's or the
-// library's.
+// Both runs failed: equal if their errors have the same code. The texts are the server's or the library's.
 void compare_errors(const Recorded& recorded, const std::optional<Error>& now, Outcome& outcome) {
   const ErrorCode code = error_code_of(recorded.job().error().code());
   if (code == ErrorCode::cancelled || code == ErrorCode::deadline_exceeded ||
@@ -118,7 +117,7 @@ Expected<Outcome> compare(const Recorded& recorded, const Expected<Solved>& solv
   return outcome;
 }
 
-// The earliest row of the convergence that differs, else the first field.
+// Returns the earliest different row of the convergence, else the first field.
 const Difference& first_of(const std::vector<Difference>& differences) {
   const auto rank = [](const Difference& one) {
     return one.field.starts_with("trace.") ? one.index : std::int64_t{1} << 40;

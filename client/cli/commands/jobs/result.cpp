@@ -19,7 +19,7 @@ struct ResultArguments {
   std::int64_t after = 0;
 };
 
-// Of what the server still knows; the job may be forgotten although its answer is kept.
+// Uses what the server still knows; it may have removed the job but kept its solution.
 Subject subject_of(const Jobs& jobs, const std::string& id) {
   const auto details = jobs.get(id);
   if (!details) return {.name = id};
@@ -49,7 +49,7 @@ int tell_result(const ResultArguments& arguments, const Jobs& jobs, const std::s
   return is_solved(answer->status) ? kAllSolved : kNotSolved;
 }
 
-// A line an answer, in the order in which they came. Without --wait those that are there.
+// Prints a line per result, in the order of arrival. Without --wait only the existing ones.
 int tell_array(const ResultArguments& arguments, const Jobs& jobs, const std::string& id,
                const ArrayProgress& progress, const std::stop_token& stop) {
   int outcome = kAllSolved;

@@ -62,7 +62,7 @@ int submit_file(const SubmitArguments& arguments, const std::string& path, const
   return kAllSolved;
 }
 
-// Files of a directory in the order of their names.
+// Returns the files of a directory in the order of their names.
 Expected<std::vector<std::string>> files_of(const std::vector<std::string>& given) {
   std::vector<std::string> files;
   for (const std::string& path : given) {
@@ -81,7 +81,7 @@ Expected<std::vector<std::string>> files_of(const std::vector<std::string>& give
   return files;
 }
 
-// All files as one job. One that cannot be read ends the submission.
+// Submits all files as one job. A file that cannot be read ends the submission.
 int submit_array(const SubmitArguments& arguments, const Options& options, const Jobs& jobs,
                  const std::stop_token& stop) {
   const auto files = files_of(arguments.files);

@@ -73,7 +73,7 @@ int watch_plainly(const WatchArguments& arguments, const Client& client) {
   const auto watched = client.jobs().watch(arguments.job, tell, {arguments.interval_s, interrupt.token()});
   if (watched) return outcome;
   const bool all = arguments.job.empty();
-  if (all && interrupt.token().stop_requested()) return kAllSolved;  // there is no other end to it
+  if (all && interrupt.token().stop_requested()) return kAllSolved;  // the only way to end it
   return all ? server_fails(arguments.server, watched.error())
              : job_fails(arguments.server, arguments.job, watched.error());
 }
@@ -85,7 +85,7 @@ bool wants_live(const WatchArguments& arguments) {
          isatty(STDIN_FILENO) == 1 && isatty(STDOUT_FILENO) == 1;
 }
 
-// The screen has gone: one line stays of what it showed.
+// The screen has closed: prints one line of what it showed.
 int leave(const WatchArguments& arguments, const LiveEnd& end) {
   if (end.refusal) return server_fails(arguments.server, *end.refusal);
   if (end.job) std::cout << text_of({*end.job, {}, {}, 0}) << '\n' << std::flush;
@@ -101,7 +101,7 @@ int run(const WatchArguments& arguments) {
   const auto client = connect(arguments.server);
   if (!client) return server_fails(arguments.server, client.error());
   if (!wants_live(arguments)) return watch_plainly(arguments, *client);
-  // What cannot be watched at all is told before a screen is opened.
+  // Errors of the server are reported before a screen is opened.
   if (const auto info = client->info(); !info) return server_fails(arguments.server, info.error());
   if (!arguments.job.empty()) {
     const auto details = client->jobs().get(arguments.job);

@@ -47,7 +47,7 @@ Expected<std::vector<Index>> indices_of(const std::string& field, const std::vec
   return result;
 }
 
-// One part of an .npz file: a row for each world.
+// One array of an .npz file: a row for each scenario.
 struct Columns {
   std::vector<double> values;
   std::size_t rows = 0, width = 0;

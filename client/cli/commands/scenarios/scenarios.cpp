@@ -1,4 +1,4 @@
-// One plan for many worlds, told level by level.
+// Computes one plan for many scenarios and prints each sample-average stage.
 #include <cmath>
 #include <cstdio>
 #include <iostream>

@@ -39,7 +39,7 @@ bool more_active(const JobInfo& a, const JobInfo& b) {
   return newer(a, b);
 }
 
-// Ties are broken by activity, so that rows do not jump about.
+// Breaks ties by activity, so that rows do not jump.
 template <class Key>
 auto by(Key key) {
   return [key](const JobRow* a, const JobRow* b) {
@@ -56,7 +56,7 @@ double shown_violation(const JobInfo& job) {
 
 using Before = std::function<bool(const JobRow*, const JobRow*)>;
 
-// Numbers that matter when they are large are sorted downwards.
+// Sorts numbers that matter when large in descending order.
 Before order_of(SortBy sort) {
   switch (sort) {
     case SortBy::activity:
@@ -118,7 +118,7 @@ void JobTable::replace(const std::vector<JobInfo>& jobs) {
 void JobTable::update(const JobInfo& job) {
   JobRow& row = rows_[job.job_id];
   const bool had_finished = row.job.state == JobState::finished;
-  if (had_finished && job.state != JobState::finished) return;  // older news on another way
+  if (had_finished && job.state != JobState::finished) return;  // older news from another source
   const bool moved = job.iterations != row.told_iterations;
   row.job = job;
   row.told_iterations = job.iterations;

@@ -1,4 +1,4 @@
-// The jobs that a person looks at: what is known of each, and in which order they are shown.
+// Provides the table of jobs: their data and their display order.
 #pragma once
 
 #include <cstddef>
@@ -13,13 +13,13 @@
 
 namespace marble::cli {
 
-/// What rows are sorted by. `activity`: running ones, then those that wait, in the order of their turns, then
-/// open sessions, then finished ones, newest first.
+/// The sort key of rows. `activity`: running ones, then waiting ones in queue order, then open sessions, then
+/// finished ones, newest first.
 enum class SortBy { activity, age, client, problem, size, priority, state, iterations, time, violation };
 inline constexpr int kSortBys = static_cast<int>(SortBy::violation) + 1;
 [[nodiscard]] const char* to_string(SortBy by);
 
-/// What a person wants to see of the table.
+/// The user's choice of what the table shows.
 struct TableView {
   SortBy by = SortBy::activity;
   bool reversed = false;
@@ -28,7 +28,7 @@ struct TableView {
 
 struct JobRow {
   JobInfo job;
-  Thinned<double, 64> violations;  ///< the largest one, as it was told over time
+  Thinned<double, 64> violations;  ///< the largest violation over time
   std::int64_t told_iterations = 0;
 };
 
@@ -36,11 +36,11 @@ class JobTable {
  public:
   static constexpr std::size_t kMostFinished = 1000;
 
-  /// From a list, newest first: what is not in it is forgotten.
+  /// Replaces the table by a list, newest first: other jobs are removed.
   void replace(const std::vector<JobInfo>& jobs);
   void update(const JobInfo& job);
 
-  /// Null if it is not known.
+  /// Returns null if the job is unknown.
   [[nodiscard]] const JobRow* find(const std::string& job_id) const;
   /// Valid until the table changes.
   [[nodiscard]] std::vector<const JobRow*> rows(const TableView& view) const;
@@ -50,7 +50,7 @@ class JobTable {
   void forget_old();
 
   std::unordered_map<std::string, JobRow> rows_;
-  std::deque<std::string> finished_;  // in the order in which that was told
+  std::deque<std::string> finished_;  // in the order of the reports
 };
 
 }  // namespace marble::cli

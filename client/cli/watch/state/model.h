@@ -1,4 +1,4 @@
-// All that the live view shows, as the server told it.
+// Provides the data of the live view, as the server reports it.
 #pragma once
 
 #include <deque>
@@ -12,17 +12,17 @@
 
 namespace marble::cli {
 
-/// The job that is opened, with its convergence.
+/// The opened job, with its convergence.
 struct OpenedJob {
   static constexpr std::size_t kNewestRows = 200;
 
   JobInfo job;
-  Thinned<Progress, 1024> trace;  ///< of all of it, for the plot
+  Thinned<Progress, 1024> trace;  ///< the whole trace, for the plot
   std::deque<Progress> newest;    ///< for the table, oldest first
-  std::int64_t skipped = 0;       ///< rows that were not told, because this reader was slow
+  std::int64_t skipped = 0;       ///< rows that were not sent because this reader was slow
   bool gone = false;              ///< the server does not know it any more
 
-  /// A first event, or one with a trace, begins anew.
+  /// A first event, or one with a trace, starts anew.
   void update(const JobEvent& event);
 
  private:
@@ -34,7 +34,7 @@ struct Model {
   ServerState server;
   JobTable jobs;
   std::optional<OpenedJob> opened;
-  std::string notice;  ///< what came of the newest request, for a person
+  std::string notice;  ///< the result of the last request, for a person
 };
 
 }  // namespace marble::cli

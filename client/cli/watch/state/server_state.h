@@ -1,4 +1,4 @@
-// What the live view knows of the server: its numbers, what they mean a second, and whether it is there.
+// Provides the live view's data about the server: its counters, their rates, and whether it is reachable.
 #pragma once
 
 #include <optional>
@@ -8,23 +8,23 @@
 
 namespace marble::cli {
 
-/// From the counters of two moments.
+/// Rates between the counters of two times.
 struct Rates {
   double answers_per_s = 0.0;
-  std::optional<double> solved_share;  ///< of the answers; absent if there were none
+  std::optional<double> solved_share;  ///< share of solved results; absent if there were none
   double busy_workers = 0.0;           ///< on average
   double cpu_share = 0.0;              ///< of one core; may exceed 1
 };
 
-/// Of what happened between two looks. Answers of sessions' updates count like those of jobs. Absent where
-/// the counters do not belong together: no time passed, or another server answers now.
+/// Returns the rates between two reads. Results of sessions' updates count like those of jobs. Absent if the
+/// counters are not comparable: no time passed, or another server responds now.
 [[nodiscard]] std::optional<Rates> rates_between(const ServerInfo& earlier, const ServerInfo& later);
 
 class ServerState {
  public:
-  /// `draining`: it finishes what it has, and takes nothing more.
+  /// `draining`: the server finishes its jobs and accepts no new ones.
   void saw(const ServerInfo& info, bool draining = false);
-  /// It did not answer, for this reason, at `now_s` of a steady clock.
+  /// The server did not respond, for this reason, at `now_s` of a steady clock.
   void lost(const std::string& why, double now_s);
 
   [[nodiscard]] const std::optional<ServerInfo>& info() const { return info_; }

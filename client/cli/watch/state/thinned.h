@@ -1,4 +1,4 @@
-// A history of bounded length over any time.
+// Provides a history of bounded length over any duration.
 #pragma once
 
 #include <cstddef>
@@ -7,8 +7,8 @@
 
 namespace marble::cli {
 
-/// The first value, the newest, and evenly spread ones between: when there are `kMost`, every second goes,
-/// and from then on only every second that comes is kept.
+/// Keeps the first value, the newest, and evenly spaced ones between: when there are `kMost`, every second
+/// one is removed, and from then on only every second new one is kept.
 template <class T, std::size_t kMost>
 class Thinned {
   static_assert(kMost >= 4 && kMost % 2 == 0);
@@ -34,7 +34,7 @@ class Thinned {
 
   std::vector<T> values_;
   std::size_t stride_ = 1, count_ = 0;
-  bool newest_only_ = false;  // the last value is there because it is the newest, and goes with the next
+  bool newest_only_ = false;  // the last value is only kept as the newest, and is replaced by the next
 };
 
 }  // namespace marble::cli

@@ -1,5 +1,5 @@
-// Many independent problems: on one stream, answered as they finish; or as one job on a server, for more than
-// a client may wait for (Jobs::submit_array and Jobs::array).
+// Provides many independent problems in one call: on one stream, with results as they finish, or as one job
+// on a server, for work that outlasts the client (Jobs::submit_array and Jobs::array).
 #pragma once
 
 #include <chrono>
@@ -21,85 +21,85 @@ namespace marble {
 
 /// One problem of many.
 struct BatchProblem {
-  std::int64_t tag = 0;                    ///< comes back with the answer
-  ProblemView problem;                     ///< as Client::solve has it
+  std::int64_t tag = 0;                    ///< returned with the solution
+  ProblemView problem;                     ///< as in Client::solve
   Options options = {};                    ///< of this problem
   std::span<const double> initial_z = {};  ///< n or empty
   std::string problem_name = {};           ///< shortened to 256 bytes
   std::string request_id = {};             ///< at most 128 bytes of printable ASCII
-  /// Derivatives of its answer that are wanted with it, or none.
+  /// Derivatives of its solution to return with it, or null.
   const SensitivityRequest* sensitivity = nullptr;
 };
 
-/// Gives one problem after the other, then nothing. Called on a thread of the batch's own; the arrays must
-/// live until the next call.
+/// Returns one problem after the other, then nothing. Called on a thread of the batch; the arrays must live
+/// until the next call.
 using BatchSource = std::function<std::optional<BatchProblem>()>;
 
-/// Takes an answer, on the thread that called solve_batch, in the order of finishing. Must not throw, nor may
-/// the source.
+/// Receives a solution, on the thread that called solve_batch, in the order of completion. Neither it nor the
+/// source may throw.
 using BatchSink = std::function<void(std::int64_t tag, Expected<RemoteSolution> answer)>;
 
-/// What holds for a batch as a whole; all of it optional.
+/// Options of a whole batch; all of them optional.
 struct BatchControls {
   Priority priority = Priority::by_method;  ///< of every problem
-  std::stop_token stop = {};                ///< gives all of it up
-  std::string traceparent = {};             ///< as CallControls has it, of the whole stream
-  /// For how long a server that is lost is waited for, seconds >= 0 from the loss on: the batch goes on at
-  /// the next one, or at the same one once it is back, with what has no answer yet; each problem is answered
-  /// once. Then the rest is `unavailable`. Without it 10 s, and less than one while no server has ever
-  /// answered this client. In process it does nothing.
+  std::stop_token stop = {};                ///< cancels the whole batch
+  std::string traceparent = {};             ///< as CallControls::traceparent, for the whole stream
+  /// How long to wait for a lost server, seconds >= 0 from the loss on. The batch continues on the next
+  /// server, or on the same one once it is back, with the problems that have no result yet; each problem gets
+  /// one result. After that time the rest is `unavailable`. Default: 10 s, and less than one second if no
+  /// server has ever responded to this client. No effect in process.
   std::optional<std::chrono::duration<double>> wait = {};
 };
 
 /// One problem of an array.
 struct ArrayElement {
-  /// One of its own; or nothing: the base problem with the numbers of `update`.
+  /// A problem of its own; or nothing: the base problem with the numbers of `update`.
   std::optional<ProblemView> problem = {};
-  ProblemUpdate update = {};               ///< of the base problem; what is absent stays
+  ProblemUpdate update = {};               ///< changes to the base problem; absent parts stay
   std::optional<Options> options = {};     ///< its own; nothing: those of the array
   std::span<const double> initial_z = {};  ///< n or empty
-  const Solution* warm_start = nullptr;    ///< an answer of these sizes to start from, or none
-  /// Derivatives of its answer that are wanted with it, or none.
+  const Solution* warm_start = nullptr;    ///< a solution of these sizes to start from, or null
+  /// Derivatives of its solution to return with it, or null.
   const SensitivityRequest* sensitivity = nullptr;
-  std::string problem_name = {};  ///< of one with a problem of its own; shortened to 256 bytes
+  std::string problem_name = {};  ///< for an element with a problem of its own; shortened to 256 bytes
 };
 
-/// Gives one element after the other, then nothing. Called on the thread that submits; the arrays must live
+/// Returns one element after the other, then nothing. Called on the submitting thread; the arrays must live
 /// until the next call. Must not throw.
 using ArraySource = std::function<std::optional<ArrayElement>()>;
 
-/// What holds for an array as a whole; all of it optional.
+/// Options of a whole array; all of them optional.
 struct ArrayControls {
-  const Problem* base = nullptr;            ///< the base problem, or none
+  const Problem* base = nullptr;            ///< the base problem, or null
   Options options = {};                     ///< of all elements
   Priority priority = Priority::by_method;  ///< of all elements; by_method is batch
   std::string name = {};                    ///< for the server's log and page; shortened to 256 bytes
-  /// At most 128 bytes of printable ASCII: the same array sent again by its id is the same job. A random one
-  /// without.
+  /// At most 128 bytes of printable ASCII. An array sent again with the same id is the same job. Empty: a
+  /// random id.
   std::string request_id = {};
   std::optional<std::chrono::duration<double>> deadline = {};  ///< of the submission alone
-  std::stop_token stop = {};                                   ///< gives the submission up
+  std::stop_token stop = {};                                   ///< cancels the submission
 };
 
-/// An array that was taken.
+/// An array that the server accepted.
 struct SubmittedArray {
-  std::string job_id;         ///< to ask for it by
-  std::int64_t elements = 0;  ///< how many it has
+  std::string job_id;         ///< the id for later requests
+  std::int64_t elements = 0;  ///< number of elements
 };
 
-/// The answer to one element.
+/// The result of one element.
 struct ArrayAnswer {
   std::int64_t index = 0;           ///< its position in the array, from 0
-  std::int64_t sequence = 0;        ///< of the answer among the array's, from 1; it stays
-  Expected<RemoteSolution> answer;  ///< or why there is none
+  std::int64_t sequence = 0;        ///< position among the array's results, from 1; never changes
+  Expected<RemoteSolution> answer;  ///< or the reason why there is none
 };
 
-/// Takes an answer, on the thread that called Jobs::array. Must not throw.
+/// Receives a result, on the thread that called Jobs::array. Must not throw.
 using ArraySink = std::function<void(ArrayAnswer answer)>;
 
-/// How to be told of answers.
+/// How to read results.
 struct ArrayReading {
-  std::int64_t after = 0;     ///< only answers after this one: the largest sequence that was received before
+  std::int64_t after = 0;     ///< only results after this one: the largest sequence received before
   std::stop_token stop = {};  ///< ends the reading with `cancelled`, not the array
 };
 

@@ -1,4 +1,4 @@
-// What may accompany a coupled solve over a client, and what comes back.
+// Provides the options of a coupled solve through a client, and what a server adds to its solution.
 #pragma once
 
 #include <cstdint>
@@ -10,32 +10,32 @@
 
 namespace marble {
 
-/// How the sessions of a coupled solve's blocks are seen by their servers; all of it optional.
+/// How servers see the sessions of a coupled solve's blocks; all fields are optional.
 struct BlockSessions {
   Priority priority = Priority::interactive;  ///< of every block's solves
   std::string problem_name = {};              ///< for logs and dashboards, with the block's name after it
-  std::string traceparent = {};               ///< as CallControls has it, of all sessions
+  std::string traceparent = {};               ///< as CallControls::traceparent, for all sessions
 };
 
-/// What a server adds to an answer; empty of blocks in sessions, and in process.
+/// What a server adds to a solution; empty for blocks in sessions, and in process.
 struct CoupledCall {
   std::string job_id;                 ///< as in the server's log
   double queue_s = 0.0;               ///< waiting for a worker
-  double total_s = 0.0;               ///< from acceptance to the answer, on the server
-  std::int64_t progress_skipped = 0;  ///< iterations that were not told, because the network was slower
+  double total_s = 0.0;               ///< from acceptance to the solution, on the server
+  std::int64_t progress_skipped = 0;  ///< iterations that were not reported because the network was slower
   std::string traceparent = {};       ///< the server's span in the caller's trace; empty if none was sent
 };
 
-/// The answer of a coupled problem whose blocks were solved on servers. Where one server did it all,
-/// `coordination` has no answers of the blocks.
+/// The solution of a coupled problem whose blocks were solved on servers. If one server solved all,
+/// `coordination` has no solutions of the blocks.
 struct RemoteCoupledSolution : CoupledSolution, CoupledCall {
-  /// Steps of blocks that were asked for again, since their session or its server was lost.
+  /// Steps of blocks that were repeated because their session or its server was lost.
   std::int32_t repeated = 0;
 };
 
-/// The answer of a problem whose pieces were solved on servers.
+/// The solution of a problem whose pieces were solved on servers.
 struct RemotePiecesSolution : PiecesSolution, CoupledCall {
-  std::int32_t repeated = 0;  ///< as RemoteCoupledSolution has it, of pieces
+  std::int32_t repeated = 0;  ///< as RemoteCoupledSolution::repeated, for pieces
 };
 
 }  // namespace marble

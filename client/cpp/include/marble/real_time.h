@@ -1,8 +1,9 @@
-// Real-time iteration: a nonlinear plan in closed loop, by one LCQP a tick. What does not need the
-// measurement is done before it comes.
+// Provides real-time iteration: a nonlinear plan in closed loop, with one LCQP per control step. The work
+// that does not need the measurement is done before the measurement arrives.
 //
-//   auto loop = marble::nonlinear::RealTime::create(problem, {.variables = {0, 1}}, client, {.shift =
-//   one_stage}); for (;;) {
+//   auto loop = marble::nonlinear::RealTime::create(problem, {.variables = {0, 1}}, client,
+//                                                  {.shift = one_stage});
+//   for (;;) {
 //     loop->prepare();                          // while the measurement is on its way
 //     auto tick = loop->feedback(measurement);  // tick->x is the plan
 //   }
@@ -22,97 +23,100 @@
 
 namespace marble::nonlinear {
 
-/// Where the measurement enters (initial-value embedding): linearly, so that all else can be made ready
-/// before.
+/// Where the measurement enters (initial-value embedding): linearly, so that everything else can be prepared
+/// before it arrives.
 struct Measured {
-  /// Each is fixed at its entry of the measurement, whatever its bounds are.
+  /// Each of these is fixed at its entry of the measurement, whatever its bounds are.
   std::vector<Index> variables = {};
-  /// Rows of c_E, each of which must be its entry of the measurement, after those of the variables, in place
-  /// of 0.
+  /// Rows of c_E, each of which must equal its entry of the measurement instead of 0. Their entries follow
+  /// those of the variables.
   std::vector<Index> equalities = {};
 };
 
-/// What a tick returns whose LCQP has no answer: because its deadline has passed, or because it has none.
+/// What a control step returns if its LCQP has no solution: because its deadline has passed, or because it is
+/// infeasible.
 enum class Fallback {
-  keep,     ///< the plan that the last tick returned, where it is
-  shifted,  ///< the last plan, moved on
-  /// The answer of the elastic LCQP, whose rows may each lack something, at a price, with what is left of the
-  /// deadline; where that has no answer either, and where the deadline has passed, the last plan, moved on.
+  keep,     ///< the plan that the last control step returned, unchanged
+  shifted,  ///< the last plan, shifted
+  /// The solution of the elastic LCQP, whose rows may each be violated at a cost, within the rest of the
+  /// deadline. If that has no solution either, or the deadline has passed, the last plan, shifted.
   elastic,
 };
 
-/// What a tick returned.
+/// What a control step returned.
 enum class Outcome { answered, kept, shifted, elastic };
 
 /// "answered", "kept", "shifted" or "elastic".
 [[nodiscard]] const char* to_string(Outcome outcome);
 
-/// All of it optional.
+/// All fields are optional.
 struct RealTimeSettings {
-  Curvature curvature = Curvature::automatic;  ///< not bfgs, which would need more than a step a tick
+  Curvature curvature =
+      Curvature::automatic;               ///< not bfgs, which would need more than one step per control step
   double diagonal = 0.0;                  ///< over scale², added to B's diagonal, ≥ 0: keeps steps short
   double radius = 1e6;                    ///< of steps, in units of scale, > 0
-  Fallback fallback = Fallback::shifted;  ///< what a tick without an answer returns
-  /// How the plan moves on from tick to tick: stretches of x, of c_E, of c_I and of the pairs. None: it
-  /// stays.
+  Fallback fallback = Fallback::shifted;  ///< what a control step without a solution returns
+  /// How the plan shifts between control steps: ranges of x, of c_E, of c_I and of the pairs. Empty: no
+  /// shift.
   Shift shift = {};
-  /// What the shift leaves to do, such as a better last stage; after it.
+  /// Called after the shift to complete it, for example with a better last stage.
   std::function<void(std::span<double> x)> moved = {};
-  bool reopen = false;                            ///< as Settings has it
-  ProgressSink* progress = nullptr;               ///< told of what each tick does
-  std::stop_token stop = {};                      ///< ends the ticks with the error cancelled
+  bool reopen = false;                            ///< as Settings::reopen
+  ProgressSink* progress = nullptr;               ///< reports the progress of each control step
+  std::stop_token stop = {};                      ///< ends the control steps with the error cancelled
   Options lcqp = Settings::subproblem_options();  ///< of each LCQP
 };
 
-/// The plan after one tick, and where it is from.
+/// The plan after one control step, and its origin.
 struct RealTimeTick {
-  Outcome outcome = Outcome::answered;  ///< where x is from
+  Outcome outcome = Outcome::answered;  ///< the origin of x
   std::vector<double> x;                ///< n, the plan
-  Multipliers multipliers;              ///< of the LCQP; of the last one where this had no answer
-  /// Of the LCQP; time_limit if its deadline has passed. Of the plain one, if the elastic one answered.
+  Multipliers multipliers;              ///< of the LCQP; of the last one if this one had no solution
+  /// Of the LCQP; time_limit if its deadline has passed. Of the plain LCQP if the elastic one was used.
   Status status = Status::numerical_failure;
-  bool deadline_met = true;  ///< whether it had not passed when the LCQP ended
-  std::string why = {};      ///< there is no answer; else empty
+  bool deadline_met = true;  ///< false if the deadline had passed when the LCQP ended
+  std::string why = {};      ///< the reason if there is no solution; else empty
   double step = 0.0;         ///< max |d_j| / scale_j: how far the plan was off
-  /// Largest violation that the plan leaves in the linearised rows, with the measurement; of the moved plan
-  /// where that, or the kept one, was returned.
+  /// Largest violation by the plan in the linearised rows, with the measurement; of the shifted plan if the
+  /// shifted or the kept plan was returned.
   double violation = 0.0;
   std::optional<bool> b_stationary;  ///< of the LCQP
-  std::int32_t ticks = 0;            ///< LCQPs of this tick: 1, or 2 with the elastic one
-  std::int64_t factorizations = 0;   ///< of these
-  std::int32_t reopened = 0;         ///< how often a session was set up again elsewhere, in this tick
+  std::int32_t ticks = 0;            ///< LCQPs of this control step: 1, or 2 with the elastic one
+  std::int64_t factorizations = 0;   ///< of these LCQPs
+  std::int32_t reopened = 0;         ///< how often a session was opened again elsewhere, in this control step
 };
 
-/// One thread at a time.
+/// The closed loop. Use one thread at a time.
 class RealTime {
  public:
   /// Opens the session. Its patterns are those at problem.start, which is also the first plan. Errors: as
-  /// solve() has them; invalid_argument of "measured.variables[2]" and such, "settings.curvature",
+  /// solve(); invalid_argument for "measured.variables[2]" and such, "settings.curvature",
   /// "settings.shift.variables[0].count" and such.
   [[nodiscard]] static Expected<RealTime> create(const Problem& problem, const Measured& measured,
                                                  const OpenTicks& open,
                                                  const RealTimeSettings& settings = {});
-  /// The same with a session of the client's, in process or on its server: the same bits. Of marble::client.
+  /// The same with a session of the client, in process or on its server: the same bits. Part of
+  /// marble::client.
   [[nodiscard]] static Expected<RealTime> create(const Problem& problem, const Measured& measured,
                                                  const Client& client, const RealTimeSettings& settings = {});
 
-  /// What was moved from may only be assigned to or destroyed.
+  /// A moved-from object may only be assigned to or destroyed.
   RealTime(RealTime&&) noexcept;
   /// As the constructor.
   RealTime& operator=(RealTime&&) noexcept;
   ~RealTime();
 
-  /// Moves the plan on, unless there was no tick since the last time, calls the functions there and sends all
-  /// that does not depend on the measurement. Errors: a function's, as solve() has them; unavailable and
-  /// whatever else ends the session.
+  /// Shifts the plan, unless there was no control step since the last call; evaluates the functions there and
+  /// sends everything that does not depend on the measurement. Errors: those of the functions, as in solve();
+  /// unavailable and any other error that ends the session.
   [[nodiscard]] Expected<void> prepare();
 
-  /// One LCQP: the plan's answer to a measurement, of as many entries as `Measured` names. Within
-  /// `deadline_s` seconds from now, or what the fallback says. Prepares first if that was not done. Errors:
-  /// invalid_argument, field "measurement"; cancelled, unavailable and whatever else ends the session.
+  /// Solves one LCQP with the measurement, which has as many entries as `Measured` names. Returns the new
+  /// plan within `deadline_s` seconds from now, or the fallback. Calls prepare() first if needed. Errors:
+  /// invalid_argument, field "measurement"; cancelled, unavailable and any other error that ends the session.
   [[nodiscard]] Expected<RealTimeTick> feedback(std::span<const double> measurement, double deadline_s = 1e9);
 
-  /// Another plan to go on from, n entries; it is not moved on first.
+  /// Sets another plan to continue from, n entries; it is not shifted first.
   [[nodiscard]] Expected<void> restart(std::span<const double> x);
 
  private:

@@ -1,4 +1,4 @@
-// One plan for many worlds, solved by a server: Client::solve_scenarios.
+// Provides the result of Client::solve_scenarios: one plan for many scenarios, solved by a server.
 #pragma once
 
 #include <cstdint>
@@ -13,8 +13,8 @@ namespace marble {
 struct RemoteScenarios : ScenarioAnswer {
   std::string job_id;                 ///< as in the server's log; empty if it was solved in process
   double queue_s = 0.0;               ///< waiting for a worker
-  double total_s = 0.0;               ///< from acceptance to the answer, on the server
-  std::int64_t progress_skipped = 0;  ///< reports that were dropped, because the network was slower
+  double total_s = 0.0;               ///< from acceptance to the solution, on the server
+  std::int64_t progress_skipped = 0;  ///< reports that were dropped because the network was slower
   std::string traceparent = {};       ///< the server's span in the caller's trace; empty if none was sent
 };
 

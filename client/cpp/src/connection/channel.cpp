@@ -9,10 +9,10 @@ namespace marble::client {
 namespace {
 
 constexpr int kNoLimit = -1;
-// A server that was restarted is found again within the second of the two, not within gRPC's two minutes.
+// A restarted server is found within the second constant, not within gRPC's two minutes.
 constexpr int kFirstBackoff_ms = 200;
 constexpr int kLongestBackoff_ms = 2'000;
-constexpr int kRetryBuffer_bytes = 256 << 20;  // what a call keeps to be sent again
+constexpr int kRetryBuffer_bytes = 256 << 20;  // data that a call keeps for a retry
 
 int milliseconds(std::chrono::duration<double> time) {
   return static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(time).count());
@@ -30,7 +30,7 @@ Expected<std::shared_ptr<grpc::Channel>> open_channel(const Target& target, cons
   if (!server_name.empty() && wants_tls(options)) arguments.SetSslTargetNameOverride(server_name);
   arguments.SetServiceConfigJSON(service_config(target.several));
   arguments.SetInt(GRPC_ARG_PER_RPC_RETRY_BUFFER_SIZE, kRetryBuffer_bytes);
-  // The server has its limit; the client must not be the one that cannot read an answer.
+  // The server has its limit; the client must not be the side that cannot read a response.
   arguments.SetMaxReceiveMessageSize(kNoLimit);
   arguments.SetMaxSendMessageSize(kNoLimit);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, milliseconds(options.keepalive.silence));

@@ -1,4 +1,4 @@
-// The gRPC channel behind a client.
+// Provides the gRPC channel behind a client.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -11,7 +11,7 @@
 
 namespace marble::client {
 
-/// Does not connect yet. Errors: those of make_credentials.
+/// Creates the channel; does not connect yet. Errors: those of make_credentials.
 [[nodiscard]] Expected<std::shared_ptr<grpc::Channel>> open_channel(const Target& target,
                                                                     const ConnectOptions& options);
 

@@ -17,7 +17,7 @@ std::string environment(const char* name, const char* otherwise = "") {
   return value != nullptr && *value != '\0' ? value : otherwise;
 }
 
-// glibc's name of the program, cut and cleaned to what a name may be.
+// Returns the program's name from glibc, shortened and restricted to the characters allowed in a name.
 std::string process_name() {
   std::string name = std::string(program_invocation_short_name).substr(0, 40);
   std::replace_if(
@@ -37,7 +37,7 @@ ConnectOptions ConnectOptions::from_environment() {
   options.token = environment("MARBLE_TOKEN");
   options.name = environment("MARBLE_CLIENT_NAME", process_name().c_str());
   options.traceparent = environment("TRACEPARENT");
-  if (!client::check_traceparent(options.traceparent)) options.traceparent.clear();  // no reason to fail
+  if (!client::check_traceparent(options.traceparent)) options.traceparent.clear();  // not a reason to fail
   return options;
 }
 

@@ -12,15 +12,15 @@ namespace marble::client {
 namespace {
 
 constexpr std::chrono::duration<double> kLongestDeadline{std::int32_t{0x7fffffff}};
-// Of the 1024 streams that a server takes on a connection by default. The first one is shared by all clients
-// of this process for that address, and has their calls as well.
+// Of the 1024 streams that a server allows on a connection by default. The first connection is shared by all
+// clients of this process for that address, and carries their calls as well.
 constexpr int kStreamsOfFirst = 100, kStreamsOfOthers = 900;
 
 constexpr std::chrono::duration<double> kShortestSilence(0.5), kShortestAnswer(1e-3),
     kLongestKeepalive(86400.0);
 
 Expected<void> check(const ConnectOptions& options) {
-  // The token itself is a secret: no error shows it.
+  // The token is a secret: no error shows it.
   if (!is_printable(options.token) || options.token.find(' ') != std::string::npos) {
     return unexpected(invalid("token", "must be printable ASCII without spaces"));
   }
@@ -36,7 +36,7 @@ Expected<void> check(const ConnectOptions& options) {
   return check_traceparent(options.traceparent);
 }
 
-// gRPC takes a time before 1970 for "never": what is negative has passed now.
+// gRPC interprets a time before 1970 as "never": a negative deadline has passed now.
 void set_deadline(std::chrono::duration<double> from_now, grpc::ClientContext& context) {
   if (!(from_now < kLongestDeadline)) from_now = kLongestDeadline;  // also NaN
   if (from_now.count() < 0.0) from_now = std::chrono::duration<double>::zero();

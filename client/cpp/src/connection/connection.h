@@ -1,4 +1,4 @@
-// One channel with its stubs, shared by all that talk over it.
+// Provides a channel with its stubs, shared by everything that uses it.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -20,41 +20,41 @@
 
 namespace marble::client {
 
-inline constexpr std::chrono::duration<double> kQuickCall{5.0};  // for calls that no solve stands behind
+inline constexpr std::chrono::duration<double> kQuickCall{5.0};  // for calls that do not wait for a solve
 
 class Connection {
  public:
-  /// Errors: a bad address, name or token, TLS files that cannot be read.
+  /// Opens a connection. Errors: a bad address, name or token, TLS files that cannot be read.
   [[nodiscard]] static Expected<std::shared_ptr<const Connection>> open(const std::string& address,
                                                                         const ConnectOptions& options);
-  /// One connection to each of the servers that the address lists, that repeats nothing by itself; where it
-  /// is one, or a name, the connection itself.
+  /// Returns one connection to each server that the address lists, which retries nothing by itself. For a
+  /// single server, or a name, returns the connection itself.
   [[nodiscard]] static Expected<std::vector<std::shared_ptr<const Connection>>> each(
       const std::shared_ptr<const Connection>& all);
 
-  /// Says on a call who it comes from, and by when it is of use.
+  /// Sets a call's metadata and its deadline.
   void prepare(grpc::ClientContext& context,
                std::optional<std::chrono::duration<double>> deadline = std::nullopt) const;
-  /// The same for a call that may have a span of its own. Errors: it cannot be sent.
+  /// The same for a call that may have its own span. Errors: the span cannot be sent.
   [[nodiscard]] Expected<void> prepare(grpc::ClientContext& context, const std::string& traceparent,
                                        std::optional<std::chrono::duration<double>> deadline) const;
 
-  /// The call's own deadline, else the connection's.
+  /// Returns the call's own deadline, else the connection's.
   [[nodiscard]] std::optional<std::chrono::duration<double>> deadline_of(
       const std::optional<std::chrono::duration<double>>& call) const {
     return call ? call : options_.deadline;
   }
 
   [[nodiscard]] const std::string& address() const { return address_; }
-  /// Whether a server has ever answered over it.
+  /// True if a server has ever responded over it.
   [[nodiscard]] bool reached() const { return reached_; }
   void note_reached() const { reached_ = true; }
-  /// Whether two calls may go to two servers.
+  /// True if two calls may go to two servers.
   [[nodiscard]] bool several() const { return target_.several; }
   [[nodiscard]] v1::Solver::Stub& solver() const { return *solver_; }
-  /// For a stream that stays open, as a session's: over a connection that has room for it, opened if there is
-  /// none. The stream must end before what is returned does. gRPC holds calls beyond a server's limit of
-  /// streams a connection back, without a word. Errors: as open().
+  /// Returns a stub for a stream that stays open, such as a session's: on a connection with a free stream,
+  /// opened if there is none. The stream must end before the returned stub does. gRPC silently holds back
+  /// calls beyond a server's limit of streams per connection. Errors: as open().
   [[nodiscard]] Expected<std::shared_ptr<v1::Solver::Stub>> solver_for_stream() const
       ABSL_LOCKS_EXCLUDED(lanes_access_);
   [[nodiscard]] v1::Jobs::Stub& jobs() const { return *jobs_; }
@@ -85,7 +85,7 @@ class Connection {
   mutable std::atomic<bool> reached_ = false;
   mutable Mutex lanes_access_;
   mutable std::vector<std::shared_ptr<Lane>> lanes_
-      ABSL_GUARDED_BY(lanes_access_);  // the channel's own first
+      ABSL_GUARDED_BY(lanes_access_);  // the shared channel first
 };
 
 }  // namespace marble::client

@@ -11,7 +11,7 @@ Error bad_file(const char* field, const std::string& path, const std::string& wh
   return invalid(field, path, why);
 }
 
-// What gRPC would otherwise find out at the first handshake, and tell as "unavailable".
+// Reads a PEM file and reports what gRPC would find only at the first handshake, as "unavailable".
 Expected<std::string> read_pem(const char* field, const std::string& path) {
   if (path.empty()) return std::string();
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rbe"), &std::fclose);

@@ -1,4 +1,4 @@
-// How a channel is encrypted.
+// Provides the encryption of a channel.
 #pragma once
 
 #include <grpcpp/security/credentials.h>
@@ -12,8 +12,8 @@ namespace marble::client {
 
 [[nodiscard]] bool wants_tls(const ConnectOptions& options);
 
-/// Plaintext unless `options` want TLS. Errors name the tls_ field: a file that cannot be read or is not PEM,
-/// a certificate without its key.
+/// Returns plaintext credentials unless `options` request TLS. Errors name the tls_ field: a file that cannot
+/// be read or is not PEM, a certificate without its key.
 [[nodiscard]] Expected<std::shared_ptr<grpc::ChannelCredentials>> make_credentials(
     const ConnectOptions& options);
 

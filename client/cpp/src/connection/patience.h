@@ -1,4 +1,4 @@
-// How long a client waits for a server that is lost.
+// Provides the time that a client waits for a lost server.
 #pragma once
 
 #include <chrono>
@@ -6,19 +6,19 @@
 
 namespace marble::client {
 
-/// Of one loss after the other: pauses of 0.1 s, then twice as long each time up to 1 s, by up to a fifth
-/// shorter.
+/// Pauses after consecutive losses: 0.1 s, then twice as long each time up to 1 s, shortened at random by up
+/// to a fifth.
 class Patience {
  public:
   using Seconds = std::chrono::duration<double>;
 
-  /// `wait` counts from a loss on. Without it, it is 10 s where a server was ever `reached`, else less than a
-  /// second: a wrong address is told at once.
+  /// `wait` counts from a loss on. Default: 10 s if a server was ever `reached`, else less than a second, so
+  /// that a wrong address is reported soon.
   Patience(std::optional<Seconds> wait, bool reached) : wait_(wait), reached_(reached) {}
 
-  /// A server has answered: what is lost from here on is another loss.
+  /// Notes that a server has responded: the next loss counts anew.
   void reached();
-  /// How long to wait before the next try; nothing once there shall be none.
+  /// Returns how long to wait before the next try; nothing if there is none.
   [[nodiscard]] std::optional<Seconds> pause();
 
  private:

@@ -1,14 +1,15 @@
-// What gRPC's channel does by itself: repeat what may be repeated, take turns between healthy servers.
+// Provides gRPC's own retries and load balancing: it retries idempotent calls and rotates over healthy
+// servers.
 #pragma once
 
 #include <string>
 
 namespace marble::client {
 
-/// As JSON (gRPC's service config). Repeated, at most three times, is what got UNAVAILABLE before any answer
-/// and is the same when it is asked twice: solves are pure, looking changes nothing, a submission is one job
-/// by its request id. Not repeated: Delete, Cancel, sessions and batches, whose first message may have been
-/// taken in. With `several` servers calls go round those that say they are healthy.
+/// Returns gRPC's service config as JSON. Calls that get UNAVAILABLE before any response are retried at most
+/// three times if a repetition has the same effect: solves are pure, reads change nothing, a submission is
+/// one job by its request id. Not retried: Delete, Cancel, sessions and batches, whose first message may have
+/// been processed. With `several` servers, calls rotate over those that report to be healthy.
 [[nodiscard]] std::string service_config(bool several);
 
 }  // namespace marble::client

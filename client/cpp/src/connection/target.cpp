@@ -58,7 +58,7 @@ struct Endpoint {
   std::string text;  ///< "10.0.0.1:50051" or "[::1]:50051"
 };
 
-// The first address of a name; IPv4 where it has one.
+// Returns the first address of a name; IPv4 if it has one.
 std::optional<Endpoint> look_up(const std::string& address) {
   const std::size_t colon = address.rfind(':');
   std::string host = address.substr(0, colon);
@@ -91,7 +91,7 @@ Expected<Target> target_of(const std::string& address) {
     if (auto valid = check(address.substr(kDnsPrefix.size())); !valid) return unexpected(valid.error());
     return Target{address, "", true};
   }
-  const bool unix_path = address.rfind(kUnixPrefix, 0) == 0;  // may have a comma of its own
+  const bool unix_path = address.rfind(kUnixPrefix, 0) == 0;  // may contain a comma
   const std::vector<std::string> parts = split(address);
   if (parts.size() == 1 || unix_path) {
     if (auto valid = check(address); !valid) return unexpected(valid.error());

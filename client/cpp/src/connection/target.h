@@ -1,4 +1,4 @@
-// The server or servers that an address names.
+// Parses the server or servers that an address names.
 #pragma once
 
 #include <string>
@@ -9,17 +9,18 @@
 namespace marble::client {
 
 struct Target {
-  std::string name;       ///< as gRPC wants it
-  std::string authority;  ///< the first host, where the name has lost it; else empty
-  bool several = false;   ///< take turns between them
+  std::string name;       ///< in gRPC's syntax
+  std::string authority;  ///< the first host, if the name lacks it; else empty
+  bool several = false;   ///< rotate over the servers
 };
 
-/// host:port, unix:PATH, several host:port with commas between, or dns:///host:port for every address that
-/// the name has. Names among several are looked up now, for gRPC takes only numbers there. Errors, field
-/// "address": invalid_argument; unavailable (a name is not known).
+/// Parses host:port, unix:PATH, a comma-separated list of host:port, or dns:///host:port for every address of
+/// the name. Names in a list are looked up now, because gRPC accepts only numeric addresses there. Errors,
+/// field "address": invalid_argument; unavailable (unknown name).
 [[nodiscard]] Expected<Target> target_of(const std::string& address);
 
-/// Of an address that has passed target_of(): several host:port one by one, anything else as it is.
+/// Splits an address that has passed target_of(): a list of host:port into its items, anything else
+/// unchanged.
 [[nodiscard]] std::vector<std::string> each_address(const std::string& address);
 
 }  // namespace marble::client

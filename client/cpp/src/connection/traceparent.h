@@ -1,4 +1,4 @@
-// W3C Trace Context on the client's side: what is sent, and what came back.
+// Provides W3C Trace Context for the client: the header that it sends, and the one that it receives.
 #pragma once
 
 #include <grpcpp/client_context.h>
@@ -10,13 +10,13 @@
 
 namespace marble::client {
 
-/// Whether it may stand in a header. Whether it is one, the server judges.
+/// Checks that the text may stand in a header. The server checks whether it is a valid traceparent.
 [[nodiscard]] inline Expected<void> check_traceparent(const std::string& text) {
   if (text.size() <= 512 && is_printable(text)) return {};
   return unexpected(invalid("traceparent", "must be at most 512 bytes of printable ASCII"));
 }
 
-/// The server's answer to it; empty if there is none. Only once the server's first word is there.
+/// Returns the server's traceparent; empty if there is none. Only valid after the server's initial metadata.
 [[nodiscard]] inline std::string returned_traceparent(const grpc::ClientContext& context) {
   const auto& metadata = context.GetServerInitialMetadata();
   const auto found = metadata.find("traceparent");

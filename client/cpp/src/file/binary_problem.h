@@ -1,4 +1,4 @@
-// The binary form of a problem file: the message marble.v1.Problem.
+// Provides the binary form of a problem file: the message marble.v1.Problem.
 #pragma once
 
 #include <string>

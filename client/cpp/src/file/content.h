@@ -1,4 +1,4 @@
-// What a file holds, before anybody knows its form.
+// Reads the content of a file before its format is known.
 #pragma once
 
 #include <string>
@@ -7,10 +7,11 @@
 
 namespace marble::client {
 
-/// Of a file, or of standard input where the path is "-". not_found if it cannot be read; never empty.
+/// Returns the content of a file, or of standard input if the path is "-". not_found if it cannot be read;
+/// never empty.
 [[nodiscard]] Expected<std::string> read_content(const std::string& path);
 
-/// What a problem in it is called that has no name of its own.
+/// Returns the name of a file's problem that has no name of its own.
 [[nodiscard]] std::string name_of_file(const std::string& path);
 
 [[nodiscard]] Error too_large_file();

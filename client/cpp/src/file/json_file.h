@@ -1,4 +1,4 @@
-// The JSON form of a problem file.
+// Provides the JSON form of a problem file.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// Begins a solve that goes on by itself.
+// Starts a solve that runs by itself.
 #pragma once
 
 #include <algorithm>
@@ -13,16 +13,16 @@
 
 namespace marble {
 
-/// What a handle waits for; its heirs know who solves. They must be over when they are destroyed.
+/// What a handle waits for; subclasses know who solves. They must have ended when they are destroyed.
 struct PendingSolution::State {
   virtual ~State() = default;
-  /// Asks for the end. Thread-safe.
+  /// Requests cancellation. Thread-safe.
   virtual void cancel() = 0;
-  /// The answer, once it is over; called once.
+  /// Returns the solution, once the solve has ended; called once.
   [[nodiscard]] virtual Expected<RemoteSolution> answer() = 0;
 
   [[nodiscard]] bool wait(std::chrono::duration<double> longest) {
-    constexpr std::chrono::duration<double> kLongest{1e8};  // the clock's own range ends
+    constexpr std::chrono::duration<double> kLongest{1e8};  // the range of the clock is limited
     const auto end = std::chrono::steady_clock::now() + std::min(longest, kLongest);
     const MutexLock lock(mutex_);
     while (!over_ && changed_.wait_until(mutex_, end) == std::cv_status::no_timeout) {
@@ -41,7 +41,7 @@ struct PendingSolution::State {
   void end() {
     const MutexLock lock(mutex_);
     over_ = true;
-    changed_.notify_all();  // under the lock: whoever waited may delete this next
+    changed_.notify_all();  // under the lock: the waiting thread may delete this next
   }
 
  private:
@@ -52,12 +52,13 @@ struct PendingSolution::State {
 
 namespace client {
 
-/// Errors: those of make_request and of the trace.
+/// Starts a remote solve. Errors: those of make_request and of the trace.
 [[nodiscard]] Expected<PendingSolution> begin_solve(const std::shared_ptr<const Connection>& connection,
                                                     const ProblemView& problem, const Options& options,
                                                     const SolveControls& controls, const CallControls& call);
 
-/// The same in this process. Errors: those of Problem::create and Solver::create, which it does not put off.
+/// Starts a solve in this process. Errors: those of Problem::create and Solver::create, which it returns at
+/// once.
 [[nodiscard]] Expected<PendingSolution> begin_solve_here(const ProblemView& problem, const Options& options,
                                                          const SolveControls& controls,
                                                          const CallControls& call);

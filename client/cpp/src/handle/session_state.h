@@ -1,11 +1,11 @@
-// What stands behind a Session: a stream to a server, or a solver in this process.
+// Provides the interface behind a Session: a stream to a server, or a solver in this process.
 #pragma once
 
 #include "marble/session.h"
 
 namespace marble {
 
-/// As Session's own calls of these names, but they may throw bad_alloc.
+/// The functions of Session with these names, but they may throw bad_alloc.
 struct Session::State {
   virtual ~State() = default;
   [[nodiscard]] virtual Expected<RemoteSolution> solve(const ProblemUpdate& update,
@@ -18,7 +18,7 @@ struct Session::State {
   virtual Expected<void> close() = 0;
   [[nodiscard]] virtual bool is_open() const = 0;
 
-  // Told when it was set up.
+  // Set when the session is opened.
   std::string job_id;
   std::string traceparent;
   std::int64_t memory_bytes = 0;

@@ -1,4 +1,4 @@
-// The calls of a client that has no server: core's solver in the callers' own threads.
+// Implements the calls of a client without a server: core's solver in the callers' own threads.
 #pragma once
 
 #include <chrono>
@@ -12,13 +12,13 @@ namespace marble::client {
 
 inline constexpr const char* kInProcess = "in process";
 
-/// What asks for a server gets this.
+/// Returns the error of calls that need a server.
 [[nodiscard]] inline Error no_server() {
   return failure(ErrorCode::unavailable, "address",
                  "there is no server: this client solves in process (local)");
 }
 
-/// The caller's stop token ended it.
+/// Returns the error of a solve that the caller's stop token ended.
 [[nodiscard]] inline Error given_up() { return failure(ErrorCode::cancelled, "given up by the caller"); }
 
 [[nodiscard]] Expected<RemoteSolution> solve_here(const ProblemView& problem, const Options& options,
@@ -27,16 +27,16 @@ inline constexpr const char* kInProcess = "in process";
 [[nodiscard]] Expected<void> solve_batch_here(const BatchSource& source, const BatchSink& sink,
                                               const BatchControls& controls);
 
-/// A deadline as a limit of one solve, in process: what runs beyond it has no answer.
+/// A deadline as a limit of one solve in process: a solve that exceeds it has no solution.
 class DeadlineLimit {
  public:
   explicit DeadlineLimit(std::optional<std::chrono::duration<double>> from_now);
-  /// `options` with what is left until the deadline.
+  /// Returns `options` with the time left until the deadline.
   [[nodiscard]] Options limit(Options options) const;
-  /// The solution as an answer; or the error deadline_exceeded, or cancelled of a stopped one, as a client of
-  /// a server would have it.
+  /// Returns the solution, or the error deadline_exceeded, or cancelled if it was stopped, as a client of a
+  /// server gets them.
   [[nodiscard]] Expected<RemoteSolution> answer(Expected<Solution> solution) const;
-  /// The same of an update, which is answered with its best point where the time was up.
+  /// The same for an update, whose solution has its best point if the time was up.
   [[nodiscard]] Expected<RemoteSolution> answer_of_session(Expected<Solution> solution) const;
 
  private:
@@ -51,7 +51,7 @@ class ThinnedProgress final : public ProgressSink {
   ThinnedProgress(ProgressSink* sink, double interval_s, std::int32_t iterate_every)
       : sink_(sink), interval_s_(interval_s), iterate_every_(iterate_every) {}
   void report(const Progress& progress) override;
-  /// Null if nobody wants to be told.
+  /// Null if no one receives progress.
   [[nodiscard]] ProgressSink* sink() { return sink_ == nullptr ? nullptr : this; }
 
  private:

@@ -1,4 +1,4 @@
-// A solve in a thread of its own.
+// Runs a solve in its own thread.
 #include <functional>
 #include <new>
 #include <optional>
@@ -22,7 +22,7 @@ class InProcessPending final : public PendingSolution::State {
         progress_(controls.progress, call_.progress_interval_s, call_.iterate_every),
         stop_with_caller_(controls.stop, [this] { stop_.request_stop(); }) {}
 
-  // The solver copies the problem, whose arrays are the caller's again afterwards.
+  // The solver copies the problem; afterwards its arrays belong to the caller again.
   [[nodiscard]] Expected<void> begin(const ProblemView& view, const Options& options) {
     const auto problem = Problem::create(view);
     if (!problem) return unexpected(problem.error());
@@ -41,7 +41,7 @@ class InProcessPending final : public PendingSolution::State {
     options_ = deadline_.limit(options);
     auto solver = Solver::create(*problem, options_);
     if (!solver) return unexpected(solver.error());
-    if (options.explain) {  // which reads the problem after the solve
+    if (options.explain) {  // explain reads the problem after the solve
       marble::to_message(view, &problem_copy_);
       auto copy = Problem::create(view_of(problem_copy_));
       if (!copy) return unexpected(copy.error());
@@ -79,11 +79,11 @@ class InProcessPending final : public PendingSolution::State {
   Options options_;
   std::optional<Solver> solver_;
   v1::Problem problem_copy_;
-  std::optional<Problem> problem_;  // views it
+  std::optional<Problem> problem_;  // views the copy
   std::vector<double> initial_z_;
   std::optional<Solution> warm_start_;
   v1::SensitivityRequest sensitivity_copy_;
-  std::optional<SensitivityRequest> sensitivity_;  // views it
+  std::optional<SensitivityRequest> sensitivity_;  // views the copy
   Expected<RemoteSolution> answer_;
   std::jthread thread_;  // the last member: it uses the others
 };

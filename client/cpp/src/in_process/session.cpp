@@ -1,4 +1,4 @@
-// A session without a server: the same warm solver, in the caller's thread.
+// Provides a session without a server: the same warm solver, in the caller's thread.
 #include <deque>
 
 #include "handle/session_state.h"
@@ -8,7 +8,7 @@
 namespace marble::client {
 namespace {
 
-// Every update is solved as it comes, so that none ever waits or is overtaken.
+// Solves each update at once, so that none ever waits or is superseded.
 class InProcessSession final : public Session::State {
  public:
   InProcessSession(WarmSolver solver, const Options& options, const SessionOptions& session)

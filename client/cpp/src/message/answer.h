@@ -1,4 +1,4 @@
-// Answers from messages.
+// Converts messages to solutions.
 #pragma once
 
 #include "marble/call_controls.h"

@@ -73,7 +73,7 @@ std::vector<Progress> progress_rows(const google::protobuf::RepeatedPtrField<v1:
   std::vector<Progress> result;
   result.reserve(static_cast<std::size_t>(rows.size()));
   for (const v1::Progress& row : rows) {
-    result.push_back(without_vectors(progress_of(row)));  // the message will be gone
+    result.push_back(without_vectors(progress_of(row)));  // the message ends before the row
   }
   return result;
 }

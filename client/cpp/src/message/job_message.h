@@ -1,4 +1,4 @@
-// Jobs from messages.
+// Converts messages to jobs.
 #pragma once
 
 #include "marble/jobs.h"

@@ -1,4 +1,4 @@
-// The id of a submission that the caller gave none.
+// Provides the id of a submission for which the caller gave none.
 #pragma once
 
 #include <cstdint>
@@ -7,7 +7,7 @@
 
 namespace marble::client {
 
-/// 128 random bits: with it a submission that is sent again is the same job (SolveRequest.request_id).
+/// Returns 128 random bits: with them a repeated submission is the same job (SolveRequest.request_id).
 [[nodiscard]] inline std::string random_request_id() {
   std::random_device random;
   std::string id = "submit-";

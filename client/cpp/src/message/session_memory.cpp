@@ -14,11 +14,11 @@ void take_numbers(std::span<const double> from, Numbers* to) {
   if (!from.empty()) to->Assign(from.begin(), from.end());
 }
 
-// Of a full Q's update only the upper triangle counts; a set-up must have both alike.
+// An update of a full Q uses only the upper triangle; a set-up needs both triangles equal.
 void mirror(v1::SparseMatrix* matrix) {
   const auto& columns = matrix->column_pointers();
   const auto& rows = matrix->row_indices();
-  if (matrix->values_size() != rows.size()) return;  // an update that the server refuses
+  if (matrix->values_size() != rows.size()) return;  // an update that the server rejects
   for (int column = 0; column < matrix->columns(); ++column) {
     for (int entry = columns[column]; entry < columns[column + 1]; ++entry) {
       const int row = rows[entry];

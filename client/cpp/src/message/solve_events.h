@@ -1,4 +1,4 @@
-// What a stream of one solve tells, event by event, and what came of it.
+// Processes the events of a solve's stream, and its result.
 #pragma once
 
 #include <optional>
@@ -12,7 +12,7 @@
 
 namespace marble::client {
 
-/// Whether anybody wants to be told of more than the answer: it takes a stream.
+/// True if the caller requests more than the solution: this needs a stream.
 [[nodiscard]] inline bool wants_events(const ProgressSink* progress, const ActivityMonitor* activity,
                                        const CallControls& call) {
   return progress != nullptr || activity != nullptr || call.accepted || call.moved || call.started;
@@ -23,9 +23,9 @@ class SolveEvents {
   SolveEvents(ProgressSink* progress, ActivityMonitor* activity, const CallControls& call)
       : progress_(progress), activity_(activity), call_(call) {}
 
-  /// Hands it to whoever wants to be told.
+  /// Passes the event to its receivers.
   void take(const v1::SolveStreamResponse& event);
-  /// Once the stream has ended well.
+  /// Returns the result, once the stream has ended successfully.
   [[nodiscard]] Expected<RemoteSolution> answer();
 
  private:
@@ -36,7 +36,7 @@ class SolveEvents {
   std::int64_t skipped_ = 0;
 };
 
-/// Reads a stream to its end: each event goes to `also` first, then to whoever wants to be told.
+/// Reads a stream to its end: each event goes to `also` first, then to its receivers.
 template <class Reader, class Also>
 Expected<RemoteSolution> read_events(Reader& reader, ProgressSink* progress, ActivityMonitor* activity,
                                      const CallControls& call, const std::stop_token& stop,

@@ -12,7 +12,7 @@
 namespace marble::client {
 namespace {
 
-// "solve.problem.equality_matrix.values[3]" → field "A.values", index 3.
+// Converts "solve.problem.equality_matrix.values[3]" to field "A.values", index 3.
 void take_field(std::string path, Error& error) {
   for (const std::string_view prefix : {"solve.", "setup.", "update.", "problem.", "options."}) {
     if (path.rfind(prefix, 0) == 0) path.erase(0, prefix.size());
@@ -27,7 +27,7 @@ void take_field(std::string path, Error& error) {
   error.field = core_field(path);
 }
 
-// The first number in a text after these words.
+// Returns the first number after these words in a text.
 std::int64_t number_after(std::string_view text, std::string_view words) {
   std::int64_t number = 0;
   const std::size_t at = text.find(words);
@@ -37,7 +37,7 @@ std::int64_t number_after(std::string_view text, std::string_view words) {
   return number;
 }
 
-// Whether a request has more bytes than all may have together: no wait makes room for it.
+// True if a request has more bytes than all requests may have together: waiting does not help.
 bool is_too_large(const v1::Fault& fault) {
   if (fault.field() != "queue_bytes" && fault.field() != "client_bytes") return false;
   const std::int64_t most = number_after(fault.bound(), "at most ");
@@ -54,7 +54,7 @@ constexpr std::pair<std::string_view, std::string_view> kHints[] = {
     {"certificate verify failed", "; --tls-ca or MARBLE_TLS_CA names who vouches for the server"},
 };
 
-// What the reason may be, where gRPC made no connection.
+// Returns a possible reason if gRPC made no connection.
 std::string hint_of(std::string_view message) {
   const auto says = [&](std::string_view words) { return message.find(words) != std::string_view::npos; };
   if (says(contract::default_address) && says("Connection refused"))
@@ -70,7 +70,7 @@ std::string hint_of(std::string_view message) {
 
 Error to_error(const grpc::Status& status) {
   google::rpc::Status details;
-  // An intermediary's status has no details of ours.
+  // A status from an intermediary has no details of ours.
   if (!details.ParseFromString(status.error_details())) details.clear_details();
   details.set_code(status.error_code());
   details.set_message(status.error_message());
@@ -90,7 +90,7 @@ Error to_error(const google::rpc::Status& status) {
       error.bound = fault.bound();
       return error;
     }
-    google::rpc::BadRequest bad_request;  // of a server that knows no Fault
+    google::rpc::BadRequest bad_request;  // from a server that does not know Fault
     if (!any.UnpackTo(&bad_request) || bad_request.field_violations().empty()) continue;
     take_field(bad_request.field_violations(0).field(), error);
     error.bound = bad_request.field_violations(0).description();

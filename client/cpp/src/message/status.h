@@ -1,4 +1,4 @@
-// The one place where gRPC statuses become errors.
+// Converts gRPC statuses to errors; the only place that does.
 #pragma once
 
 #include <grpcpp/support/status.h>
@@ -12,16 +12,17 @@
 
 namespace marble::client {
 
-/// Reads code, message and the Fault or, of an older server, the BadRequest; problem fields get their core
-/// names back ("A.row_indices").
+/// Converts code, message and the Fault or, from an older server, the BadRequest; problem fields get their
+/// names in core ("A.row_indices").
 [[nodiscard]] Error to_error(const grpc::Status& status);
-/// The same of a status inside a stream, which goes on.
+/// The same for a status inside a stream, which continues.
 [[nodiscard]] Error to_error(const google::rpc::Status& status);
 
-/// After how long another try may have room, where that is why it was refused; nothing where no wait helps.
+/// Returns after how long a retry may succeed, if the request was refused for lack of capacity; nothing if
+/// waiting does not help.
 [[nodiscard]] std::optional<std::chrono::duration<double>> retry_after(const google::rpc::Status& status);
 
-/// Says that it was the caller who gave up, where that is so.
+/// The same; the error says that the caller cancelled, if it did.
 [[nodiscard]] Error to_error(const grpc::Status& status, const std::stop_token& stop);
 
 }  // namespace marble::client

@@ -1,4 +1,4 @@
-// Products with vectors and with sparse matrices by columns.
+// Provides products of vectors and of sparse matrices stored by columns.
 #pragma once
 
 #include <algorithm>
@@ -39,7 +39,7 @@ inline void add_transposed(const SparseMatrix& M, std::span<const double> x, dou
   }
 }
 
-/// xᵀ B x, of B's upper triangle
+/// xᵀ B x, from B's upper triangle
 inline double quadratic(const SparseMatrix& upper, std::span<const double> x) {
   double sum = 0.0;
   for (Index j = 0; j < upper.columns; ++j) {

@@ -9,11 +9,11 @@ namespace marble::nonlinear {
 namespace {
 
 constexpr double kDamping = 0.2;       // Powell's: a block keeps at least this of its curvature along a step
-constexpr double kScalingBound = 1e4;  // of a block's first matrix, a multiple of the identity; of a secant
-constexpr double kInfinite = 1e20;     // an entry of the Hessian that is larger is none
-constexpr double kLeastStep = 1e-14;   // of a block, squared: below it rounding decides
+constexpr double kScalingBound = 1e4;  // for a block's first matrix, a multiple of the identity; for a secant
+constexpr double kInfinite = 1e20;     // a larger entry of the Hessian counts as infinite
+constexpr double kLeastStep = 1e-14;   // of a block, squared: below it rounding dominates
 
-/// An upper triangle with the diagonal and, in each column, what `rows_above` adds.
+/// Returns an upper triangle with the diagonal and, in each column, the rows that `rows_above` adds.
 template <class RowsAbove>
 SparseMatrix pattern(Index n, const RowsAbove& rows_above) {
   SparseMatrix made{.rows = n, .columns = n, .column_pointers = {0}, .row_indices = {}, .values = {}};
@@ -64,7 +64,7 @@ Expected<Model> Model::create(Curvature kind, Functions& functions, const Point&
     made.take_hessian({}, {});
   } else if (kind == Curvature::gauss_newton) {
     const SparseMatrix& J = first.residuals;
-    std::vector<std::vector<Index>> columns(static_cast<std::size_t>(J.rows));  // of a row, so far
+    std::vector<std::vector<Index>> columns(static_cast<std::size_t>(J.rows));  // of each row, so far
     made.upper_ = pattern(n, [&](Index j, std::vector<Index>& rows) {
       for (Index k = J.column_pointers[j]; k < J.column_pointers[j + 1]; ++k) {
         auto& before = columns[J.row_indices[k]];
@@ -118,8 +118,8 @@ Expected<void> Model::move(Functions& functions, const Point& point, const Linea
   return {};
 }
 
-// At a bound a second derivative may be infinite, as that of a power, or infinity times a multiplier of zero.
-// Then 0 takes its place off the diagonal, and on it the slope's change over the last step.
+// At a bound a second derivative may be infinite, such as that of a power, or infinity times a multiplier of
+// zero. Then 0 replaces it off the diagonal, and on it the slope's change over the last step.
 void Model::take_hessian(std::span<const double> step, std::span<const double> change) {
   std::fill(upper_.values.begin(), upper_.values.end(), 0.0);
   bool finite = true;
@@ -140,7 +140,7 @@ void Model::take_hessian(std::span<const double> step, std::span<const double> c
   if (!finite) ++replaced_;
 }
 
-// Column by column, the products of two sorted columns.
+// Column by column: the products of two sorted columns.
 void Model::take_gauss_newton(const SparseMatrix& J) {
   for (Index j = 0; j < upper_.columns; ++j) {
     for (Index k = upper_.column_pointers[j]; k < upper_.column_pointers[j + 1]; ++k) {

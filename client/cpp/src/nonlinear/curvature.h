@@ -1,4 +1,4 @@
-// The matrix B of the subproblem's ½ dᵀBd: its upper triangle, in a pattern that is fixed and has the
+// Provides the matrix B of the subproblem's ½ dᵀBd: its upper triangle, in a fixed pattern that includes the
 // diagonal.
 #pragma once
 
@@ -9,25 +9,27 @@
 
 namespace marble::nonlinear {
 
-/// What `automatic` means for a problem, of which `point` is one; any other kind is itself.
+/// Returns what `automatic` means for the problem, of which `point` is a point; any other kind is returned
+/// unchanged.
 [[nodiscard]] Curvature chosen(Curvature kind, const Problem& problem, const Point& point);
 
 class Model {
  public:
-  /// Of a kind that is not automatic. `first` are the derivatives at `point`.
+  /// Creates B of a kind other than automatic. `first` are the derivatives at `point`.
   [[nodiscard]] static Expected<Model> create(Curvature kind, Functions& functions, const Point& point,
                                               const Linearisation& first, const Multipliers& multipliers);
 
-  /// B at a new point. `step` and `change` are those of x and of the Lagrangian's gradient since the last.
+  /// Computes B at a new point. `step` and `change` are those of x and of the Lagrangian's gradient since the
+  /// last.
   [[nodiscard]] Expected<void> move(Functions& functions, const Point& point, const Linearisation& at,
                                     const Multipliers& multipliers, std::span<const double> step,
                                     std::span<const double> change);
-  /// σ / scale² on the diagonal, in place of what was there before.
+  /// Adds σ / scale² to the diagonal, in place of the earlier shift.
   void shift(double sigma);
   [[nodiscard]] double shift() const { return sigma_; }
-  /// Whether it has learnt from steps: bfgs after its first one.
+  /// True if B depends on past steps: bfgs after its first one.
   [[nodiscard]] bool learns() const { return std::find(known_.begin(), known_.end(), true) != known_.end(); }
-  /// How many Hessians had entries that were not finite, and were replaced.
+  /// Returns how many Hessians had entries that were not finite and were replaced.
   [[nodiscard]] std::int32_t replaced() const { return replaced_; }
 
   [[nodiscard]] const SparseMatrix& upper() const { return upper_; }
@@ -43,11 +45,11 @@ class Model {
 
   Curvature kind_ = Curvature::none;
   SparseMatrix upper_;
-  SparseMatrix hessian_;          // exact: as the caller gave it
+  SparseMatrix hessian_;          // exact: the caller's matrix
   std::vector<Index> positions_;  // exact: of its entries in B
   std::vector<double> inverse_scale_squared_;
   std::vector<Index> blocks_;
-  std::vector<bool> known_;      // bfgs: of a block, whether it has seen a step
+  std::vector<bool> known_;      // bfgs: whether a block has seen a step
   std::vector<double> product_;  // bfgs: B s
   double sigma_ = 0.0;
   std::int32_t replaced_ = 0;

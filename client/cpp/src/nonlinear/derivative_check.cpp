@@ -1,4 +1,4 @@
-// The derivatives that a caller gives against differences of the functions.
+// Compares the caller's derivatives with differences of the functions.
 #include <algorithm>
 #include <cmath>
 #include <string>

@@ -43,7 +43,7 @@ auto not_finite(std::span<const double> values) {
   return std::find_if(values.begin(), values.end(), [](double value) { return !std::isfinite(value); });
 }
 
-/// Copies what a function gave, of `rows` rows.
+/// Copies the values of a function with `rows` rows.
 Expected<void> keep(std::span<const double> given, std::size_t rows, const char* field, Point& point,
                     std::vector<double>& kept) {
   if (given.size() != rows)
@@ -85,8 +85,8 @@ Expected<void> check_pattern(const SparseMatrixView& given, std::size_t rows, st
   return {};
 }
 
-/// Copies a matrix; the first time with its pattern, which no later one may leave. The fault is the first
-/// entry that is not finite, where that matters.
+/// Copies a matrix; the first call fixes the pattern, which no later one may leave. The fault is the first
+/// entry that is not finite, if `fault` is given.
 Expected<void> keep(const SparseMatrixView& given, std::size_t rows, std::size_t columns, const char* field,
                     SparseMatrix& kept, std::optional<Error>* fault) {
   if (kept.column_pointers.empty()) {
@@ -210,7 +210,7 @@ Expected<void> Functions::derivatives(const Point& point, Linearisation& lineari
   if (given.gradient.size() != n)
     return unexpected(invalid("derivatives.gradient", std::to_string(given.gradient.size()),
                               "must have " + std::to_string(n) + " entries"));
-  const auto bad = not_finite(given.gradient);  // no check_numbers, which makes a string of the field
+  const auto bad = not_finite(given.gradient);  // not check_numbers, which makes a string of the field
   linearisation.fault.reset();
   if (bad != given.gradient.end())
     linearisation.fault =

@@ -1,4 +1,4 @@
-// What the caller's functions give, checked and kept: the loop sees no other numbers.
+// Checks and stores the results of the caller's functions: the loop uses no other numbers.
 #pragma once
 
 #include <array>
@@ -13,31 +13,31 @@ namespace marble::nonlinear {
 /// Values at a point.
 struct Point {
   std::vector<double> x;
-  double objective = 0.0;  // with the residuals' part
+  double objective = 0.0;  // includes the residuals' part
   std::vector<double> equalities, inequalities, G, H, residuals;
-  std::optional<Error> fault;  // what is not finite, and where
+  std::optional<Error> fault;  // which number is not finite
 };
 
-/// Derivatives at a point, every matrix with its column pointers.
+/// Derivatives at a point; every matrix has its column pointers.
 struct Linearisation {
-  std::vector<double> gradient;  // with the residuals' part
+  std::vector<double> gradient;  // includes the residuals' part
   SparseMatrix equalities, inequalities, G, H, residuals;
-  std::optional<Error> fault;  // what is not finite, and where
+  std::optional<Error> fault;  // which number is not finite
 };
 
 class Functions {
  public:
-  /// Checks the problem's arrays and makes them complete. The problem must outlive it.
+  /// Checks the problem's arrays and fills in the defaults. The problem must outlive it.
   [[nodiscard]] static Expected<Functions> create(const Problem& problem);
 
-  /// Of point.x. Numbers that are not finite are no error yet: a step that came there may be shortened.
+  /// Evaluates at point.x. Numbers that are not finite are no error yet: the step to them may be shortened.
   [[nodiscard]] Expected<void> values(Point& point);
-  /// Of a point whose values are there. The first call fixes the patterns. Not finite: as of values.
+  /// Evaluates at a point that has its values. The first call fixes the patterns. Not finite: as in values().
   [[nodiscard]] Expected<void> derivatives(const Point& point, Linearisation& linearisation);
-  /// Entries may be infinite, or no numbers.
+  /// Evaluates the Hessian; entries may be infinite or NaN.
   [[nodiscard]] Expected<void> hessian(const Point& point, const Multipliers& multipliers,
                                        SparseMatrix& upper);
-  /// Moves what is at a bound off it, by a hundredth of its scale or of its range. False where nothing is.
+  /// Moves entries at a bound off it, by a hundredth of their scale or range. Returns false if there is none.
   [[nodiscard]] bool leave_bounds(std::vector<double>& x) const;
 
   [[nodiscard]] std::size_t variables() const { return start_.size(); }
@@ -56,7 +56,7 @@ class Functions {
   std::vector<double> start_, lower_, upper_, scale_;
   std::vector<Index> blocks_;
   std::int32_t evaluations_ = 0, linearisations_ = 0;
-  std::optional<std::array<std::size_t, 5>> rows_;  // of each part, as at the first point
+  std::optional<std::array<std::size_t, 5>> rows_;  // of each part, from the first point
 };
 
 }  // namespace marble::nonlinear

@@ -1,4 +1,4 @@
-// How the loop judges a step and x: merit, KKT residual and trust region.
+// Evaluates a step and x in the loop: merit, KKT residual and trust region.
 #include <algorithm>
 #include <cmath>
 
@@ -8,11 +8,12 @@
 namespace marble::nonlinear {
 namespace {
 
-// Of actual over predicted decrease (murty-nlp-lectures, PSLP).
+// Of the ratio actual/predicted decrease (murty-nlp-lectures, PSLP).
 constexpr double kGood = 0.75;
-constexpr double kLonger = 1.2;  // it is 1.26 to 1.39 of Newton's steps from a pole of a power or a logarithm
+constexpr double kLonger =
+    1.2;  // the ratio is 1.26 to 1.39 for Newton's steps from a pole of a power or a logarithm
 constexpr double kLengthening = 2.0;  // factor of a step's length
-constexpr int kMostStalled = 3;       // zero steps one after another
+constexpr int kMostStalled = 3;       // consecutive zero steps
 constexpr int kMostRestarts = 10;     // of bfgs
 
 }  // namespace
@@ -22,7 +23,7 @@ double Loop::predicted_decrease() const {
   return weights_->penalty(rows_of(point_)) - weights_->penalty(step_.rows()) - model;
 }
 
-// What comes of the step, over what it promised.
+// Computes the actual decrease over the predicted one.
 Expected<void> Loop::judge() {
   for (std::size_t j = 0; j < step_.d.size(); ++j) trial_.x[j] = point_.x[j] + step_.d[j];
   if (auto given = functions_.values(trial_); !given) return given;
@@ -32,7 +33,7 @@ Expected<void> Loop::judge() {
   return {};
 }
 
-// The rows bend away from the step: once more, with what they really are at its end.
+// The rows are curved along the step: solves again with their true values at its end.
 Expected<void> Loop::correct() {
   if (trial_.fault || weights_->penalty(rows_of(trial_)) <= weights_->penalty(step_.rows())) return {};
   auto& subproblem = *subproblem_[static_cast<int>(Kind::plain)];
@@ -52,9 +53,9 @@ Expected<void> Loop::correct() {
   return judged;
 }
 
-// Where the decrease is better than predicted, the curvature falls along the step. On the way from a pole
-// each Newton step covers only a share of x, so the step is doubled while that lowers the merit and leaves no
-// row. This calls Problem::values alone.
+// If the decrease is better than predicted, the curvature falls along the step. On the way from a pole each
+// Newton step covers only a share of x, so the step is doubled while that lowers the merit and leaves no row.
+// This calls only Problem::values.
 Expected<void> Loop::lengthen() {
   if (ratio_ <= kLonger || step_.elastic || restoring_) return {};
   double most = radius_ / step_.size;
@@ -110,13 +111,13 @@ double Loop::kkt_residual() {
   return largest(gradient_);
 }
 
-// Relative to the objective's slopes alone: where rows depend on each other, multipliers have no bound.
+// Relative to the objective's slopes only: if rows are linearly dependent, multipliers are unbounded.
 bool Loop::is_stationary(double share) {
   return kkt_residual() <= share * std::max(1.0, largest(at_.gradient));
 }
 
-// A step may be zero because B is too large: then x is no solution. B of bfgs begins again, since so short a
-// step does not change it.
+// A step may be zero because B is too large: then x is no solution. B of bfgs is reset, since so short a step
+// does not change it.
 bool Loop::stalls() {
   const bool zero =
       step_is_small() && !step_.elastic && !restoring_ && violation() <= settings_.feasibility_tolerance;

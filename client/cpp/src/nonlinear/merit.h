@@ -1,6 +1,6 @@
-// What a point is worth: S(x) = θ + Σ μ |c_E| + Σ μ max(0, −c_I) + Σ μ φ(G, H). A pair's φ is the least ℓ₁
-// change of its two sides that makes it complementary, so the elastic subproblem minimizes just the model of
-// S.
+// Provides the merit of a point: S(x) = θ + Σ μ |c_E| + Σ μ max(0, −c_I) + Σ μ φ(G, H). φ of a pair is the
+// least ℓ₁ change of its two sides that makes it complementary, so the elastic subproblem minimizes exactly
+// the model of S.
 #pragma once
 
 #include <span>
@@ -13,22 +13,22 @@ namespace marble::nonlinear {
 /// max(0, −G) + max(0, −H) + max(0, min(G, H))
 [[nodiscard]] double pair_violation(double G, double H);
 
-/// The four kinds of rows: of a point, or of its linearisation at a step.
+/// The four kinds of rows: at a point, or of its linearisation at a step.
 struct Rows {
   std::span<const double> equalities, inequalities, G, H;
 };
 
-/// Largest violation of any row.
+/// Returns the largest violation of any row.
 [[nodiscard]] double largest_violation(const Rows& rows);
 
 inline constexpr double kFirstWeight = 1.0;  // of all rows, before there are multipliers
 
-/// μ of each row and of each pair.
+/// The weights μ of each row and of each pair.
 class Weights {
  public:
   Weights(const Rows& rows, double first);
 
-  /// max{|π|, ½(μ + |π|)}, and a little more: strictly above the multipliers (murty-nlp-lectures, MSQP).
+  /// Sets max{|π|, ½(μ + |π|)} and slightly more: strictly above the multipliers (murty-nlp-lectures, MSQP).
   void rise_above(const Multipliers& multipliers);
   void multiply(double factor);
   [[nodiscard]] double most() const;

@@ -10,7 +10,7 @@
 namespace marble::nonlinear {
 namespace {
 
-constexpr double kMeritReduction = 0.1, kStepReduction = 0.5;  // the paper's
+constexpr double kMeritReduction = 0.1, kStepReduction = 0.5;  // from the paper
 constexpr double kNormalQuantile = 1.96;                       // of a 95 % interval
 constexpr std::int64_t kMostSamples = std::int64_t{1} << 53;   // a double counts no further
 
@@ -34,13 +34,13 @@ Expected<void> valid(const SampledProblem& sampled, const RetrospectiveSettings&
   return check(s.loop);
 }
 
-// By products alone: the same number on every machine.
+// Uses only products: the same number on every machine.
 std::int64_t grown(std::int64_t samples, double wanted, std::int64_t largest) {
   if (wanted >= static_cast<double>(largest)) return largest;
   return std::min(std::max(samples + 1, static_cast<std::int64_t>(std::ceil(wanted))), largest);
 }
 
-// By Welford's updates: no difference of large sums.
+// Uses Welford's updates: no difference of large sums.
 Expected<Estimate> estimate(const SampledProblem& sampled, std::span<const double> x, std::int64_t first,
                             std::int64_t count) {
   double mean = 0.0, squares = 0.0;

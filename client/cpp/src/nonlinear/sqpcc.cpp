@@ -11,20 +11,20 @@
 namespace marble::nonlinear {
 namespace {
 
-constexpr double kLeastRadius = 1e-13;  // a smaller one tells nothing
+constexpr double kLeastRadius = 1e-13;  // a smaller one carries no information
 constexpr double kMostWeight = 1e10;
-constexpr double kLeapt = 0.9;            // of the violation before a leap: what must come of it
+constexpr double kLeapt = 0.9;            // of the violation before a leap: at most this must remain
 constexpr double kWider = 10.0;           // radius of a leap
 constexpr int kMostRises = 4;             // of the weights for one elastic step
-constexpr double kElasticProgress = 0.1;  // share of the violation that an elastic step must take away
+constexpr double kElasticProgress = 0.1;  // share of the violation that an elastic step must remove
 constexpr double kRestored = 0.1;         // of the violation at which the restoration began
 constexpr double kFirstShift = 1e-2;      // of B's largest entry
 constexpr double kShiftFactor = 10.0;
 constexpr int kMostShifts = 12;
 constexpr double kOfLearnt = 0.1;  // of the KKT residual: small steps may be due to too large a B of bfgs
-// When an LCQP is solved again by a fresh session.
+// Conditions to solve an LCQP again in a fresh session.
 constexpr double kBadAnswer = 1e-7;   // KKT residual, of the largest slope
-constexpr double kOtherSize = 100.0;  // factor of the slopes or of a column of B since it was set up
+constexpr double kOtherSize = 100.0;  // factor of the slopes or of a column of B since the set-up
 constexpr double kNoSize = 1e-4;      // of B's largest column: a smaller one counts as this
 
 bool of_other_size(const Sizes& before, const Sizes& now, bool solved) {
@@ -44,7 +44,7 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
   if (auto ready = B_ ? begin_again() : begin(); !ready) return unexpected(ready.error());
   for (row_.iteration = 0;; ++row_.iteration) {
     if (row_.iteration >= settings_.iteration_limit) return end(Status::iteration_limit, "iteration_limit");
-    auto found = find_step();  // one LCQP; more where it must be elastic or convex
+    auto found = find_step();  // one LCQP; more if it must be elastic or convex
     if (!found) return unexpected(found.error());
     if (limit_) return end(*limit_, "within a subproblem");
     if (stuck_) return end(Status::locally_infeasible, "no step lowers the violation");
@@ -57,7 +57,8 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
     }
     if (*found && meets(tolerance)) {
       Answer answer = end(Status::solved, "the level's tolerance is met");
-      answer.b_stationary.reset(), answer.stationarity = Stationarity::unknown;  // they are those of d = 0
+      answer.b_stationary.reset(),
+          answer.stationarity = Stationarity::unknown;  // the values were those of d = 0
       return answer;
     }
     ratio_ = -1.0, actual_ = 0.0;
@@ -85,7 +86,7 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
 Expected<void> Loop::begin() {
   point_.x.assign(functions_.start().begin(), functions_.start().end());
   if (auto given = evaluate_start(); !given) return given;
-  trial_ = best_trial_ = point_, next_ = at_;  // their memory
+  trial_ = best_trial_ = point_, next_ = at_;  // allocates their memory
   Multipliers& m = step_.multipliers;
   m.equalities.assign(point_.equalities.size(), 0.0), m.inequalities.assign(point_.inequalities.size(), 0.0);
   m.G.assign(point_.G.size(), 0.0), m.H.assign(point_.H.size(), 0.0), m.bounds.assign(point_.x.size(), 0.0);
@@ -96,7 +97,7 @@ Expected<void> Loop::begin() {
   return make_curvature();
 }
 
-// Where they are not finite, at a bound such as that of a root: a little inside of it.
+// If values are not finite, as those of a root at a bound: starts slightly inside the bounds.
 Expected<void> Loop::evaluate_start() {
   std::optional<Error> first;
   for (bool inside = false;; inside = true) {
@@ -111,7 +112,7 @@ Expected<void> Loop::evaluate_start() {
   }
 }
 
-// The functions have changed, and B with them, but that of bfgs: no step led here.
+// The functions have changed, and so has B, except that of bfgs, which needs a step.
 Expected<void> Loop::begin_again() {
   if (auto given = functions_.values(point_); !given) return given;
   if (point_.fault) return unexpected(*point_.fault);
@@ -138,8 +139,8 @@ Expected<void> Loop::make_curvature() {
   return {};
 }
 
-// True where there is a step to judge. The plain subproblem first; where it has no feasible point the elastic
-// one, and where that cannot lower the violation whatever its weights, the violation alone.
+// Returns true if there is a step to evaluate. Tries the plain subproblem first; if it is infeasible, the
+// elastic one; and if that cannot lower the violation whatever its weights, the violation alone.
 Expected<bool> Loop::find_step() {
   row_.corrected = leap_ = false;
   if (!restoring_) {
@@ -179,8 +180,9 @@ Expected<bool> Loop::find_restoring_step() {
   return stuck_ ? find_leap() : true;
 }
 
-// No short step lowers the violation. A far one may, to another branch of the pairs, though the rows bend on
-// the way: it is taken as it is, and those after it must end lower than here.
+// No short step lowers the violation. A long one may, to another branch of the pairs, although the rows are
+// curved on the way: it is accepted as it is, and the steps after it must end with a lower violation than
+// here.
 Expected<bool> Loop::find_leap() {
   const double here = merit(point_), short_radius = radius_;
   if (here >= leapt_from_) return go_back();
@@ -205,7 +207,7 @@ Expected<bool> Loop::go_back() {
   return true;
 }
 
-// A step that the curvature makes no descent of: more of it on the diagonal, until the step is one.
+// If the curvature prevents descent along the step, adds to the diagonal until the step is a descent.
 Expected<bool> Loop::convex_enough() {
   for (int shifts = 0;; ++shifts) {
     predicted_ = predicted_decrease();
@@ -218,7 +220,7 @@ Expected<bool> Loop::convex_enough() {
   }
 }
 
-// A step that the radius cuts measures the radius.
+// The measure of a step that the radius cuts is that of the radius.
 bool Loop::meets(const std::optional<LevelTolerance>& tolerance) {
   if (!tolerance) return false;
   const double measure = tolerance->test == LevelTest::merit ? predicted_ : step_.size;
@@ -227,7 +229,7 @@ bool Loop::meets(const std::optional<LevelTolerance>& tolerance) {
          measure <= tolerance->reduction * first_measure_ + tolerance->floor;
 }
 
-// The LCQP at the point, within the radius.
+// Solves the LCQP at the point, within the radius.
 Expected<bool> Loop::ask(Kind kind, bool cold) {
   auto& subproblem = subproblem_[static_cast<int>(kind)];
   if (!subproblem) subproblem.emplace(at_, B_->upper(), kind == Kind::elastic);
@@ -240,12 +242,12 @@ Expected<bool> Loop::ask(Kind kind, bool cold) {
   return true;
 }
 
-// One tick, or two where the session must be set up again. Into `tried_`; false where it has no feasible
-// answer.
+// Solves one LCQP, or two if the session must be opened again. Result in `tried_`; returns false if there is
+// no feasible solution.
 Expected<bool> Loop::ask_prepared(Kind kind, bool cold) {
   auto& subproblem = *subproblem_[static_cast<int>(kind)];
   auto& ticks = ticks_[static_cast<int>(kind)];
-  auto& sizes = sizes_[static_cast<int>(kind)];  // when it was set up
+  auto& sizes = sizes_[static_cast<int>(kind)];  // at the set-up
   subproblem.sizes(new_sizes_);
   while (true) {
     if (settings_.stop.stop_requested()) limit_ = Status::cancelled;
@@ -273,8 +275,8 @@ Expected<bool> Loop::ask_prepared(Kind kind, bool cold) {
     if (solution->status == Status::cancelled) limit_ = Status::cancelled;
     if (solution->status == Status::time_limit && left < settings_.lcqp.time_limit_s)
       limit_ = Status::time_limit;
-    // A session may keep the scaling of its first numbers. Where those of now are of other sizes, a step may
-    // meet the scaled tolerances and mean nothing: it is asked again by a fresh session.
+    // A session may keep the scaling of its first numbers. If the current ones have other magnitudes, a step
+    // may meet the scaled tolerances and be meaningless: it is solved again in a fresh session.
     if (!limit_ && solution->kkt_residual > kBadAnswer * std::max(1.0, new_sizes_.slope) &&
         of_other_size(sizes, new_sizes_, is_solved(solution->status))) {
       reopened_ += ticks->reopened();
@@ -287,8 +289,8 @@ Expected<bool> Loop::ask_prepared(Kind kind, bool cold) {
   }
 }
 
-// A zero step that the subproblem did not prove to be its answer may be one that the warm start holds on to:
-// asked again from scratch. Whether it stays zero.
+// A zero step that is not proven to solve the subproblem may be an artefact of the warm start: solves again
+// from scratch. Returns whether the step stays zero.
 Expected<bool> Loop::certified() {
   if (step_.b_stationary.value_or(false) || step_.elastic) return true;
   auto found = ask(Kind::plain, true);
@@ -302,7 +304,7 @@ Expected<bool> Loop::certified() {
   return true;
 }
 
-// Whether the trial point is taken: its merit is good, and it has derivatives.
+// Returns whether the trial point is accepted: its merit is good, and it has derivatives.
 Expected<bool> Loop::linearised() {
   if (ratio_ < kReject && !(leap_ && !trial_.fault)) return false;
   if (auto given = functions_.derivatives(trial_, next_); !given) return unexpected(given.error());
@@ -311,7 +313,7 @@ Expected<bool> Loop::linearised() {
   return false;
 }
 
-// To the trial point, with the step's multipliers.
+// Moves to the trial point, with the step's multipliers.
 Expected<void> Loop::move() {
   const Multipliers& m = step_.multipliers;
   lagrangian_gradient(at_, m, change_);

@@ -1,4 +1,5 @@
-// The loop: LCQPs within a trust region, judged by the merit they promise and what comes of it.
+// Provides the main loop: LCQPs within a trust region; steps are accepted by actual over predicted decrease
+// of the merit.
 #pragma once
 
 #include <algorithm>
@@ -16,21 +17,21 @@
 
 namespace marble::nonlinear {
 
-/// What ends a level before its steps are zero: a measure of a plain subproblem's step, the radius not
-/// holding it back, of at most `reduction` times that of the level's first step, and `floor`.
+/// Ends a level before its steps are zero: the measure of a plain subproblem's step, which the radius does
+/// not limit, is at most `reduction` times that of the level's first step, plus `floor`.
 struct LevelTolerance {
   LevelTest test = LevelTest::merit;
   double reduction = 0.0;
   double floor = 0.0;
 };
 
-// Of the largest slope: the KKT residual of an answer that is stationary, and of one that almost is.
+// Relative to the largest slope: the KKT residual of a stationary solution, and of an almost stationary one.
 inline constexpr double kSolvedKkt = 1e-6, kReducedKkt = 100.0 * kSolvedKkt;
-// Of actual over predicted decrease (murty-nlp-lectures, PSLP).
+// Of the ratio actual/predicted decrease (murty-nlp-lectures, PSLP).
 inline constexpr double kReject = 1e-6, kPoor = 0.25;
-inline constexpr double kRounding = 1e-14;  // of the merit: what two evaluations may differ by
+inline constexpr double kRounding = 1e-14;  // of the merit: the possible difference of two evaluations
 
-/// Of what balances at a stationary point: max{1, |∇θ|, |multipliers|}.
+/// Returns the scale of the terms that balance at a stationary point: max{1, |∇θ|, |multipliers|}.
 [[nodiscard]] double largest_slope(const Linearisation& at, const Multipliers& m);
 /// ∇θ + ∇c_Eᵀy − ∇c_Iᵀν − ∇Gᵀξ − ∇Hᵀη
 void lagrangian_gradient(const Linearisation& at, const Multipliers& m, std::vector<double>& gradient);
@@ -39,25 +40,25 @@ void lagrangian_gradient(const Linearisation& at, const Multipliers& m, std::vec
   return method != Method::sqpcc && method != Method::slp;
 }
 
-/// Errors of nonlinear::solve's settings.
+/// Checks the settings of nonlinear::solve.
 [[nodiscard]] Expected<void> check(const Settings& settings);
 
 class Loop {
  public:
-  /// All but the functions must outlive it.
+  /// All arguments but the functions must outlive it.
   Loop(const Problem& problem, Functions functions, const OpenTicks& open, const Settings& settings)
       : problem_(problem), functions_(std::move(functions)), open_(open), settings_(settings) {}
 
-  /// From the problem's start; from then on from where the last run ended, by functions that may be others of
-  /// the same patterns, with its x, multipliers, B of bfgs, weights, radius and ticks. With `tolerance`,
-  /// Status::solved means that it is met, or the settings' tolerances are.
+  /// Runs from the problem's start; later runs continue from where the last one ended, with its x,
+  /// multipliers, B of bfgs, weights, radius and sessions. The functions may then be others with the same
+  /// patterns. With `tolerance`, Status::solved means that it is met, or the settings' tolerances are.
   Expected<Answer> run(const std::optional<LevelTolerance>& tolerance = {});
 
-  /// The KKT residual of an answer that is solved, of the largest slope.
+  /// Sets the KKT residual of a solved status, relative to the largest slope.
   void set_stationary(double share) { stationary_ = share; }
-  /// B of bfgs as at the start.
+  /// Resets B of bfgs to that of the start.
   void forget_curvature() { forget_curvature_ = true; }
-  /// Calls of Problem::derivatives so far.
+  /// Returns the number of calls of Problem::derivatives so far.
   [[nodiscard]] std::int32_t linearisations() const { return functions_.linearisations(); }
 
  private:
@@ -113,27 +114,27 @@ class Loop {
   Clock::time_point begun_ = Clock::now();
 
   Point point_, trial_, best_trial_;
-  Linearisation at_, next_;  // at point_, and at the trial that is taken
+  Linearisation at_, next_;  // at point_, and at the accepted trial
   std::optional<Model> B_;
   std::optional<Weights> weights_;
   std::optional<Subproblem> subproblem_[2];
   std::unique_ptr<Ticks> ticks_[2];
-  Sizes sizes_[2], new_sizes_;  // when the ticks were opened, and now
-  std::int32_t reopened_ = 0;   // of ticks that are closed
+  Sizes sizes_[2], new_sizes_;  // when the sessions were opened, and now
+  std::int32_t reopened_ = 0;   // of closed sessions
   Step step_, tried_;
   Status answer_status_ = Status::numerical_failure;
-  std::optional<Status> limit_;  // that ended a tick
+  std::optional<Status> limit_;  // ended an LCQP solve
 
   double radius_ = 0.0;
   double stationary_ = kSolvedKkt;
-  int stalled_ = 0, restarts_ = 0;  // zero steps one after another; and how often B of bfgs was forgotten
+  int stalled_ = 0, restarts_ = 0;  // consecutive zero steps; resets of B of bfgs
   bool forget_curvature_ = false;
-  double first_measure_ = 0.0;  // of the level's tolerance
+  double first_measure_ = 0.0;  // for the level's tolerance
   bool restoring_ = false;
   double restore_below_ = 0.0;
-  bool leap_ = false;                                            // the step is one
-  double leapt_from_ = std::numeric_limits<double>::infinity();  // violation where the last one began
-  std::vector<double> least_;                                    // x there
+  bool leap_ = false;                                            // the current step is a leap
+  double leapt_from_ = std::numeric_limits<double>::infinity();  // violation at the start of the last leap
+  std::vector<double> least_;                                    // x of that violation
   bool stuck_ = false;                                           // no step lowers the violation
   double predicted_ = 0.0, actual_ = 0.0, ratio_ = 0.0;
   Iteration row_;

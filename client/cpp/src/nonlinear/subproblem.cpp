@@ -8,11 +8,11 @@
 namespace marble::nonlinear {
 namespace {
 
-// B of a step that has no objective: what is left to choose is chosen near.
+// B of a step without an objective: prefers short steps among equals.
 constexpr double kNear = 1e-6;
-constexpr double kAtBound = 1e-12;  // of a step: what is nearer to a bound is there
+constexpr double kAtBound = 1e-12;  // of a step: anything nearer to a bound counts as at it
 
-/// A Jacobian with two more entries a column, of the trust region's rows: −low ≤ d ≤ up.
+/// Returns a Jacobian with two more entries per column, for the trust region's rows: −low ≤ d ≤ up.
 SparseMatrix with_box(const SparseMatrix& jacobian) {
   const Index n = jacobian.columns, rows = jacobian.rows;
   SparseMatrix made{
@@ -29,7 +29,7 @@ SparseMatrix with_box(const SparseMatrix& jacobian) {
   return made;
 }
 
-/// One more column, with one entry in row `row`; none if that is negative.
+/// Adds one column with one entry in row `row`; none if `row` is negative.
 void add_column(SparseMatrix& matrix, Index row, double value) {
   ++matrix.columns;
   if (row >= 0) {
@@ -56,12 +56,12 @@ Subproblem::Subproblem(const Linearisation& at, const SparseMatrix& B, bool elas
   p.hessian_form = HessianForm::upper_triangle;
   p.g.assign(n_, 0.0);
   if (elastic) {
-    // What a row lacks, in this order: equalities up and down, inequalities, and both sides of pairs up and
-    // down.
+    // Violations of the rows, in this order: equalities up and down, inequalities, and both sides of pairs up
+    // and down.
     const auto add = [&p](Index a, Index c, Index l, Index r, double value) {
       add_column(p.A, a, value), add_column(p.L, l, value), add_column(p.R, r, value);
       add_column(p.C, c, value), add_column(p.Q, -1, 0.0);
-      p.C.row_indices.push_back(p.C.rows++);  // it is itself at least 0
+      p.C.row_indices.push_back(p.C.rows++);  // the variable itself is at least 0
       p.C.values.push_back(1.0);
       ++p.C.column_pointers.back();
       p.g.push_back(0.0);
@@ -153,7 +153,7 @@ void Subproblem::drop_objective() {
   for (std::size_t j = 0; j < n_; ++j) p.Q.values[p.Q.column_pointers[j + 1] - 1] = kNear;
 }
 
-// c(x + d) − ∇c d in place of c(x).
+// Uses c(x + d) − ∇c d in place of c(x).
 void Subproblem::correct(const Point& trial, const Step& step) {
   OwnedProblem& p = problem_;
   const auto offset = [](std::vector<double>& at, const std::vector<double>& there,
@@ -177,7 +177,7 @@ void Subproblem::read(const Solution& solution, const Point& point, const Linear
   m.G = solution.complementarity_multipliers_L, m.H = solution.complementarity_multipliers_R;
   m.bounds.resize(n_);
   for (std::size_t j = 0; j < n_; ++j) {
-    // Rounding of the solver's must not lead out of the bounds, nor to just before them.
+    // The solver's rounding must not lead out of the bounds, nor to just inside them.
     const double low = std::min(box.radius * box.scale[j], point.x[j] - box.lower[j]);
     const double up = std::min(box.radius * box.scale[j], box.upper[j] - point.x[j]);
     step.d[j] = std::clamp(step.d[j], -low, up);

@@ -1,10 +1,10 @@
-// The LCQP of a step d at a point: its pattern once, its numbers again and again.
+// Provides the LCQP of a step d at a point: its pattern is set once, its numbers repeatedly.
 //
-//   min ∇θᵀd + ½ dᵀBd   s.t.   c_E + ∇c_E d = 0,   c_I + ∇c_I d ≥ 0,   0 ≤ G + ∇G d ⊥ H + ∇H d ≥ 0,   |d_j| ≤
-//   Δ_j
+//   min ∇θᵀd + ½ dᵀBd   s.t.   c_E + ∇c_E d = 0,   c_I + ∇c_I d ≥ 0,   0 ≤ G + ∇G d ⊥ H + ∇H d ≥ 0,
+//                              |d_j| ≤ Δ_j
 //
-// The elastic one adds variables for what each row lacks, at the row's weight: d = 0 is always feasible
-// there.
+// The elastic one adds variables for the violation of each row, at the row's weight: d = 0 is always
+// feasible.
 #pragma once
 
 #include <vector>
@@ -14,7 +14,7 @@
 
 namespace marble::nonlinear {
 
-/// The answer of one, and what it says of the linearised rows.
+/// The solution of a subproblem, and the linearised rows at it.
 struct Step {
   std::vector<double> d;
   double size = 0.0;  // max |d_j| / scale_j
@@ -28,12 +28,12 @@ struct Step {
   [[nodiscard]] Rows rows() const { return {equalities, inequalities, G, H}; }
 };
 
-/// Views of a point's rows.
+/// Returns views of a point's rows.
 [[nodiscard]] inline Rows rows_of(const Point& point) {
   return {point.equalities, point.inequalities, point.G, point.H};
 }
 
-/// Where steps may end: bounds and trust region.
+/// The range of steps: bounds and trust region.
 struct Box {
   std::span<const double> lower, upper, scale;
   double radius = 0.0;
@@ -49,23 +49,22 @@ class Subproblem {
  public:
   Subproblem(const Linearisation& at, const SparseMatrix& B, bool elastic);
 
-  /// Of the numbers set last.
+  /// The problem with the last numbers set.
   [[nodiscard]] ProblemView view() const;
   [[nodiscard]] ProblemUpdate update() const;
 
   void sizes(Sizes& of) const;
 
-  /// All numbers. Without an objective only the elastic part of the cost is left.
+  /// Sets all numbers. Without an objective only the elastic part of the cost remains.
   void set(const Point& point, const Linearisation& at, const SparseMatrix& B, const Box& box);
-  /// Other offsets of the equalities alone, and the update that says so.
+  /// Sets other offsets of the equalities only, and returns that update.
   [[nodiscard]] ProblemUpdate set_equalities(const Point& point);
   void set_weights(const Weights& weights);
   void drop_objective();
-  /// Rows that are offset so that the step meets what they really were at its end: the second-order
-  /// correction.
+  /// Offsets the rows so that the step meets their true values at its end: the second-order correction.
   void correct(const Point& trial, const Step& step);
 
-  /// The step that an answer means.
+  /// Converts a solution to a step.
   void read(const Solution& solution, const Point& point, const Linearisation& at, const Box& box,
             Step& step) const;
 

@@ -1,4 +1,5 @@
-// Subproblems by core alone, for who has no client's library: the wheel's extension.
+// Solves subproblems with core alone, for programs without the client's library, such as the wheel's
+// extension.
 #include <algorithm>
 #include <chrono>
 

@@ -65,7 +65,7 @@ Values Embedding::values(std::span<const double> x) {
   return values;
 }
 
-// What is no matrix is handed on as it is: it is refused by name.
+// An invalid matrix is passed on unchanged: a later check reports its name.
 Derivatives Embedding::derivatives(std::span<const double> x) {
   Derivatives derivatives = given_.derivatives(x);
   const SparseMatrixView& own = derivatives.equalities;

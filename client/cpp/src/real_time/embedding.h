@@ -1,5 +1,5 @@
-// Initial-value embedding: the caller's problem with rows of c_E for all that is measured, which hold the
-// measurement in their offsets alone.
+// Provides initial-value embedding: the caller's problem with rows of c_E for all measured quantities, which
+// contain the measurement only in their offsets.
 #pragma once
 
 #include <span>
@@ -10,23 +10,23 @@
 
 namespace marble::nonlinear {
 
-/// Stays where it is: the problem's functions refer to it.
+/// Must not move: the problem's functions refer to it.
 class Embedding {
  public:
   Embedding(const Problem& problem, const Measured& measured);
   Embedding(const Embedding&) = delete;
   Embedding& operator=(const Embedding&) = delete;
 
-  /// Whether the variables are some, each once. The rows are checked once there are values.
+  /// Checks that at least one variable is given, each once. The rows are checked once there are values.
   [[nodiscard]] Expected<void> check() const;
   [[nodiscard]] Expected<void> check_rows(const Point& point) const;
 
-  /// With a row x_j of c_E for each variable that is measured, after the caller's own.
+  /// Has a row x_j of c_E for each measured variable, after the caller's own rows.
   [[nodiscard]] const Problem& problem() const { return embedded_; }
   [[nodiscard]] std::size_t size() const { return measured_.variables.size() + measured_.equalities.size(); }
-  /// Rows that were added.
+  /// Returns the number of added rows.
   [[nodiscard]] std::size_t variables() const { return measured_.variables.size(); }
-  /// The row of the k-th measured number.
+  /// Returns the row of the k-th measured number.
   [[nodiscard]] std::size_t row(std::size_t k, const Point& point) const;
 
  private:
@@ -38,8 +38,8 @@ class Embedding {
   Problem embedded_;
   std::vector<double> equalities_;
   SparseMatrix jacobian_;
-  std::vector<Index> row_of_;  // of a variable, among those added; -1
-  Multipliers multipliers_;    // the caller's rows alone
+  std::vector<Index> row_of_;  // of a variable, among the added ones; −1
+  Multipliers multipliers_;    // of the caller's rows alone
 };
 
 }  // namespace marble::nonlinear

@@ -1,4 +1,5 @@
-// A tick in two parts: all that does not depend on the measurement, and the LCQP with it.
+// Implements a control step in two parts: the preparation phase, which does not depend on the measurement,
+// and the LCQP with it.
 #include "marble/real_time.h"
 
 #include <algorithm>
@@ -76,21 +77,21 @@ struct RealTime::State {
   Embedding embedding;
   RealTimeSettings settings;
   std::optional<Functions> functions;
-  Point point;       // the moved plan, with the measurement in its rows once there is one
-  Linearisation at;  // there
+  Point point;       // the shifted plan, with the measurement in its rows once there is one
+  Linearisation at;  // at `point`
   std::optional<Model> B;
   std::optional<Weights> weights;
   std::optional<Subproblem> subproblem, elastic;
   std::unique_ptr<Ticks> ticks, elastic_ticks;
   Step step;
-  std::vector<double> no_step;     // d = 0, where the LCQP begins
-  std::vector<double> unmeasured;  // of the measured rows, what they are at the moved plan
+  std::vector<double> no_step;     // d = 0, the LCQP's start
+  std::vector<double> unmeasured;  // values of the measured rows at the shifted plan
   Shift shift_of_answers;          // of the LCQP's own vectors
-  bool due = false;                // the plan is to be moved on
-  bool shift_due = false;          // the session has not been told yet
+  bool due = false;                // the plan must be shifted
+  bool shift_due = false;          // the session has not received the shift yet
   bool prepared = false;
   bool sent = false;             // the first part
-  std::vector<double> returned;  // the last tick's plan
+  std::vector<double> returned;  // the last control step's plan
 };
 
 Expected<void> RealTime::State::begin(const OpenTicks& opens) {
@@ -186,8 +187,8 @@ Expected<void> RealTime::State::linearise() {
   if (auto moved = B->move(*functions, point, at, step.multipliers, {}, {}); !moved) return moved;
   B->shift(settings.diagonal);
   for (std::size_t k = 0; k < unmeasured.size(); ++k)
-    unmeasured[k] =
-        std::exchange(point.equalities[embedding.row(k, point)], 0.0);  // as if it came as planned
+    unmeasured[k] = std::exchange(point.equalities[embedding.row(k, point)],
+                                  0.0);  // as if the measurement were as planned
   subproblem->set(point, at, B->upper(), box());
   return {};
 }
@@ -237,7 +238,7 @@ Expected<RealTimeTick> RealTime::State::feedback(std::span<const double> measure
   return tick;
 }
 
-// True if there is a step.
+// Returns true if there is a step.
 Expected<bool> RealTime::State::ask(Ticks& of, const Subproblem& asked, const ProblemUpdate& update,
                                     const TickControls& controls, RealTimeTick& tick) {
   const bool first = tick.ticks++ == 0;

@@ -61,7 +61,7 @@ BatchQueue::Request BatchQueue::next(int stream) {
     if (later_.empty()) {
       changed_.wait(mutex_);
     } else {
-      const Clock::time_point end = later_.begin()->first;  // which may be gone by then
+      const Clock::time_point end = later_.begin()->first;  // the entry may be gone by then
       changed_.wait_until(mutex_, end);
     }
   }

@@ -1,5 +1,5 @@
-// What of a batch is to be sent, and what waits for its answer: on one stream after the other, where servers
-// are lost.
+// Holds the problems of a batch that must be sent or wait for their result, over a sequence of streams if
+// servers are lost.
 #pragma once
 
 #include <chrono>
@@ -17,38 +17,38 @@
 
 namespace marble::client {
 
-/// Thread-safe: one thread puts, each stream has one that sends, and one takes answers. Problems have numbers
-/// of their own on the wire, as a caller's tags may be the same.
+/// Is thread-safe: one thread puts, each stream has one thread that sends, and one thread receives results.
+/// Problems have their own numbers on the wire, because the caller's tags may be equal.
 class BatchQueue {
  public:
   using Request = std::shared_ptr<const v1::SolveBatchRequest>;
   using Clock = std::chrono::steady_clock;
 
-  /// One problem more, once the last one was sent. False: no more are wanted.
+  /// Adds a problem once the last one was sent. Returns false if no more are accepted.
   [[nodiscard]] bool put(std::int64_t tag, v1::SolveBatchRequest request) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// One that cannot be sent.
+  /// Records a problem that cannot be sent.
   void refuse(std::int64_t tag, Error error) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// There are no more.
+  /// Marks the end of the source.
   void exhaust() ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// The number of the next stream, which sends all that is not answered, before anything new.
+  /// Returns the number of the next stream, which first sends everything without a result, then new problems.
   [[nodiscard]] int begin_stream() ABSL_LOCKS_EXCLUDED(mutex_);
-  /// That stream has ended.
+  /// Marks the end of that stream.
   void end_stream() ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Waits for what the stream sends next; null at its end, or once all is answered.
+  /// Waits for the stream's next request; null at its end, or once all have results.
   [[nodiscard]] Request next(int stream) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Ends all waiting.
+  /// Ends all waits.
   void close() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool is_closed() ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// The tag of a problem, which has its answer now; nothing if it has one already.
+  /// Marks a problem as done and returns its tag; nothing if it is done already.
   [[nodiscard]] std::optional<std::int64_t> answered(std::int64_t number) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// The problem is sent again, on the same stream not before this time.
+  /// Schedules a problem for another send, on the same stream not before this time.
   void send_again(std::int64_t number, Clock::time_point when) ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool done() ABSL_LOCKS_EXCLUDED(mutex_);
-  /// What could not be sent since the last call.
+  /// Returns the problems that could not be sent since the last call.
   [[nodiscard]] std::vector<std::pair<std::int64_t, Error>> refused() ABSL_LOCKS_EXCLUDED(mutex_);
-  /// The tags of all that has no answer, at the end.
+  /// Returns the tags of all problems without a result, at the end.
   [[nodiscard]] std::vector<std::int64_t> unanswered() ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
@@ -64,9 +64,9 @@ class BatchQueue {
   std::multimap<Clock::time_point, std::int64_t> later_ ABSL_GUARDED_BY(mutex_);
   std::vector<std::pair<std::int64_t, Error>> refused_ ABSL_GUARDED_BY(mutex_);
   std::int64_t numbers_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::int64_t sent_ ABSL_GUARDED_BY(mutex_) = 0;  // of the numbers, at least once
+  std::int64_t sent_ ABSL_GUARDED_BY(mutex_) = 0;  // numbers sent at least once
   int stream_ ABSL_GUARDED_BY(mutex_) = 0;
-  bool is_open_ ABSL_GUARDED_BY(mutex_) = false;  // the stream
+  bool is_open_ ABSL_GUARDED_BY(mutex_) = false;  // whether the stream is open
   bool exhausted_ ABSL_GUARDED_BY(mutex_) = false;
   bool closed_ ABSL_GUARDED_BY(mutex_) = false;
 };

@@ -20,7 +20,7 @@ class ToldIterations final : public ProgressSink {
   const CoupledControls& controls_;
 };
 
-// Sends it; `read` makes the answer of the last event.
+// Sends the request; `read` converts the last event.
 template <class Read>
 auto solve_there(const Connection& connection, const v1::SolveStreamRequest& request,
                  const CoupledControls& controls, const CallControls& call, const Read& read)

@@ -1,4 +1,4 @@
-// Problems that rows tie together, or a long one in pieces, on one server.
+// Solves a coupled problem, or a long horizon in pieces, on one server.
 #pragma once
 
 #include <span>

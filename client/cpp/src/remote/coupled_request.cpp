@@ -20,7 +20,7 @@ Expected<v1::SolveStreamRequest> request_of(const ProblemView& problem, const Co
   return request;
 }
 
-// Fills what every answer has.
+// Fills the fields common to all results.
 template <class Answer>
 Expected<Answer> answer_of(const v1::SolveResponse& response) {
   const v1::Solution& solution = response.solution();

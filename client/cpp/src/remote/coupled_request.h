@@ -1,4 +1,4 @@
-// What a coupled solve sends, and its answer.
+// Builds the request of a coupled solve and reads its result.
 #pragma once
 
 #include <span>
@@ -9,7 +9,7 @@
 
 namespace marble::client {
 
-/// Of the controls the start counts; error where it has more than prices.
+/// Of the controls only the start is used; error if it has more than prices.
 [[nodiscard]] Expected<v1::SolveStreamRequest> make_request(const CoupledView& view,
                                                             const CoupledOptions& options,
                                                             const CoupledControls& controls,
@@ -20,12 +20,12 @@ namespace marble::client {
                                                             const PiecesOptions& options,
                                                             const CallControls& call);
 
-/// Errors: failed_precondition where the problem was solved alone; "blocks", whose sizes are not the
-/// answer's.
+/// Errors: failed_precondition if the problem was solved alone; "blocks" if its sizes do not match the
+/// result.
 [[nodiscard]] Expected<RemoteCoupledSolution> remote_coupled(const v1::SolveResponse& response,
                                                              const CoupledView& view);
 
-/// Errors: failed_precondition where the problem was solved alone.
+/// Errors: failed_precondition if the problem was solved alone.
 [[nodiscard]] Expected<RemotePiecesSolution> remote_pieces(const v1::SolveResponse& response);
 
 }  // namespace marble::client

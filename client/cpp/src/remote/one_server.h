@@ -1,4 +1,4 @@
-// What calls about jobs ask of a client's connection.
+// Checks the connection of calls about jobs.
 #pragma once
 
 #include "connection/connection.h"
@@ -6,9 +6,8 @@
 
 namespace marble::client {
 
-/// A job stays with the server that took it: in turns, all but one would say that they never heard of it.
-/// Null is a client in process. Errors: unavailable (there is no server), invalid_argument (there are
-/// several).
+/// A job stays with the server that accepted it: with rotation, all other servers would not find it. Null
+/// means a client in process. Errors: unavailable (there is no server), invalid_argument (there are several).
 [[nodiscard]] inline Expected<void> one_server(const Connection* connection) {
   if (connection == nullptr) return unexpected(no_server());
   if (!connection->several()) return {};

@@ -1,4 +1,4 @@
-// A solve on a server that nobody waits for yet.
+// Runs an asynchronous solve on a server.
 #include <functional>
 #include <new>
 #include <optional>
@@ -14,8 +14,8 @@
 namespace marble::client {
 namespace {
 
-// Reads on gRPC's threads. Owned by the handle alone, which waits for the end: these threads must never be
-// the last to hold a channel, for its end joins them.
+// Reads on gRPC's threads. Only the handle owns it and waits for the end: these threads must never be the
+// last owner of a channel, because its destructor joins them.
 class RemotePending final : public PendingSolution::State,
                             private grpc::ClientReadReactor<v1::SolveStreamResponse> {
  public:
@@ -28,7 +28,7 @@ class RemotePending final : public PendingSolution::State,
         tells_(wants_events(controls.progress, controls.activity, call_)),
         events_(controls.progress, controls.activity, call_) {}
 
-  // A unary call where nobody wants to be told: gRPC can repeat it elsewhere until it is answered.
+  // Makes a unary call if no events are requested: gRPC can retry it elsewhere until it has a response.
   [[nodiscard]] Expected<void> begin() {
     if (auto ready =
             connection_->prepare(context_, call_.traceparent, connection_->deadline_of(call_.deadline));
@@ -61,7 +61,7 @@ class RemotePending final : public PendingSolution::State,
     if (!ok) return;
     try {
       events_.take(event_);
-    } catch (const std::bad_alloc&) {  // must not end in gRPC's threads
+    } catch (const std::bad_alloc&) {  // must not leave gRPC's threads
       out_of_memory_ = true;
       context_.TryCancel();
     }
@@ -84,7 +84,7 @@ class RemotePending final : public PendingSolution::State,
   SolveEvents events_;
   bool out_of_memory_ = false;
   std::optional<std::stop_callback<std::function<void()>>> cancel_on_stop_;
-  grpc::Status status_;  // once it is over
+  grpc::Status status_;  // set at the end
 };
 
 }  // namespace

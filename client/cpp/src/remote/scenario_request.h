@@ -1,4 +1,4 @@
-// What a scenario solve sends, and its answer.
+// Builds the request of a scenario solve and reads its result.
 #pragma once
 
 #include "marble/call_controls.h"
@@ -7,13 +7,13 @@
 
 namespace marble::client {
 
-/// The worlds of `problem` as numbers; or the sampler, if there is one, which is drawn there.
+/// Sends the scenarios of `problem` as numbers; or the sampler, if given, from which the server draws.
 [[nodiscard]] Expected<v1::SolveStreamRequest> make_request(const ScenarioProblem& problem,
                                                             const ScenarioSampler* sampler,
                                                             const ScenarioSettings& settings,
                                                             const CallControls& call);
 
-/// Errors: failed_precondition where the problem was solved alone.
+/// Errors: failed_precondition if the problem was solved alone.
 [[nodiscard]] Expected<RemoteScenarios> remote_scenarios(const v1::SolveResponse& response);
 
 }  // namespace marble::client

@@ -1,4 +1,4 @@
-// One plan for many worlds, on a server.
+// Computes one plan for many scenarios on a server.
 #pragma once
 
 #include "connection/connection.h"
@@ -8,7 +8,7 @@
 
 namespace marble::client {
 
-/// The sampler may be null: the worlds are the problem's then.
+/// If the sampler is null, the scenarios are those of the problem.
 [[nodiscard]] Expected<RemoteScenarios> solve_scenarios_there(
     const Connection& connection, const ScenarioProblem& problem, const ScenarioSampler* sampler,
     const ScenarioSettings& settings, const SolveControls& controls, const CallControls& call);

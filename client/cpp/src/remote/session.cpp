@@ -1,4 +1,4 @@
-// A session on its stream, and on the next one if its server died and it may be reopened.
+// Provides a session on its stream, and on the next one if its server died and it may be reopened.
 #include <atomic>
 #include <deque>
 #include <functional>
@@ -25,12 +25,12 @@ using Stream = grpc::ClientReaderWriter<v1::SessionRequest, v1::SessionResponse>
 using std::chrono::steady_clock;
 using Seconds = std::chrono::duration<double>;
 
-// Between tries to reopen, each twice as long as the one before; a server that is found is found by the
-// first.
+// Pauses between tries to reopen, each twice as long as the one before. The first try finds a server that is
+// up.
 constexpr Seconds kFirstBackoff(0.1), kLongestBackoff(1.0);
 
-// Two locks, as a stream may be written by one thread while another one reads. Whoever finds a write failed
-// takes `reading` as well, and reads on to learn why.
+// Two locks, because one thread may write a stream while another one reads. A thread whose write failed also
+// takes `reading`, and reads on to learn the reason.
 struct SessionStream {
   SessionStream(std::shared_ptr<const Connection> to, std::string span, std::stop_token given_up,
                 std::int64_t sent_before)
@@ -54,7 +54,7 @@ struct SessionStream {
   void read_to_the_end() ABSL_EXCLUSIVE_LOCKS_REQUIRED(reading);
   void tell(const v1::SessionProgress& progress);
 
-  const std::shared_ptr<const Connection> connection;  // the stream's, for as long as there is one
+  const std::shared_ptr<const Connection> connection;  // the stream's, as long as it exists
   const std::string parent;                            // the caller's span
   const std::stop_token stop;
   std::shared_ptr<v1::Solver::Stub> solver;
@@ -64,7 +64,7 @@ struct SessionStream {
   v1::SessionReady ready;
   std::int64_t epoch = 0;
   std::string traceparent;
-  std::unique_ptr<SessionMemory> memory;  // of one that may be reopened
+  std::unique_ptr<SessionMemory> memory;  // only if it may be reopened
 
   Mutex writing;
   std::int64_t sequence ABSL_GUARDED_BY(writing);
@@ -72,13 +72,13 @@ struct SessionStream {
 
   Mutex reading;
   std::deque<SessionEvent> unfetched ABSL_GUARDED_BY(reading);
-  std::optional<SessionEvent> refused_part ABSL_GUARDED_BY(reading);  // a first part, with its error
+  std::optional<SessionEvent> refused_part ABSL_GUARDED_BY(reading);  // a rejected first part, with its error
   grpc::Status status;
-  std::atomic<bool> over = false;  // set after `status`, which then stays
+  std::atomic<bool> over = false;  // set after `status`, which then does not change
 
   Mutex sinks_access;
   std::map<std::int64_t, ProgressSink*> sinks ABSL_GUARDED_BY(sinks_access);
-  std::set<std::int64_t> first_parts ABSL_GUARDED_BY(sinks_access);  // sent since the last answer
+  std::set<std::int64_t> first_parts ABSL_GUARDED_BY(sinks_access);  // sent since the last outcome
 };
 
 SessionStream::~SessionStream() {
@@ -101,7 +101,7 @@ Expected<void> SessionStream::set_up(const v1::SessionRequest& request) {
   }
   solver = *std::move(free);
   stream = solver->Session(&context);
-  stream->Write(request);  // if that fails, so does the read
+  stream->Write(request);  // a failed write makes the read fail too
   v1::SessionResponse response;
   if (stream->Read(&response) && response.has_ready()) {
     ready = response.ready();
@@ -158,7 +158,7 @@ Expected<RemoteSolution> SessionStream::outcome_of(SessionEvent event, const Pro
                                                    const UpdateControls& controls) {
   auto* answer = std::get_if<RemoteSolution>(&event.outcome);
   auto* error = std::get_if<Error>(&event.outcome);
-  // What is refused has changed nothing; what came too late has.
+  // A rejected update has changed nothing; one that came too late has.
   const bool refused = error != nullptr &&
                        (error->code == ErrorCode::invalid_argument || error->code == ErrorCode::unavailable);
   if (memory != nullptr && !refused) memory->take(update, controls);
@@ -174,7 +174,7 @@ std::optional<SessionEvent> SessionStream::read() {
     if (response.has_progress()) tell(response.progress());
     if (auto event = event_of(response)) {
       if (!is_first_part(event->sequence)) return event;
-      if (!std::holds_alternative<Error>(event->outcome)) continue;  // an older server's, who solved it
+      if (!std::holds_alternative<Error>(event->outcome)) continue;  // from an older server, which solved it
       refused_part = *event;
       return event;
     }
@@ -184,7 +184,7 @@ std::optional<SessionEvent> SessionStream::read() {
   return std::nullopt;
 }
 
-// Those before it have had their say.
+// Removes the earlier ones, which have had their chance to fail.
 bool SessionStream::is_first_part(std::int64_t number) {
   const MutexLock lock(sinks_access);
   const bool first_part = first_parts.count(number) != 0;
@@ -245,7 +245,7 @@ class RemoteSession final : public Session::State {
 
   std::unique_ptr<SessionStream> stream_;
   PartSizes sizes_;
-  Seconds wait_;  // to reopen
+  Seconds wait_;  // for a reopen
 };
 
 void RemoteSession::take(std::unique_ptr<SessionStream> stream) {
@@ -258,7 +258,7 @@ void RemoteSession::take(std::unique_ptr<SessionStream> stream) {
   idle_timeout_s = ready.idle_timeout_s();
 }
 
-// Checked here: of the server nobody waits to hear what is wrong.
+// Checked here: no one waits to receive the server's error.
 Expected<std::int64_t> RemoteSession::prepare(const ProblemUpdate& update, const UpdateControls& controls) {
   const auto valid =
       CheckedUpdate::check(sizes_, update, {controls.initial_z, controls.cold, controls.shift});
@@ -268,7 +268,7 @@ Expected<std::int64_t> RemoteSession::prepare(const ProblemUpdate& update, const
   if (stream_->memory == nullptr) return sent;
   const bool lost = !sent && sent.error().code == ErrorCode::unavailable;
   if (sent || lost) stream_->memory->take_first_part(update, controls);
-  if (lost) return stream_->sequence;  // solve() goes elsewhere
+  if (lost) return stream_->sequence;  // solve() opens the session elsewhere
   return sent;
 }
 
@@ -288,7 +288,7 @@ Expected<std::optional<SessionEvent>> RemoteSession::next() {
     return event;
   }
   auto event = s.read();
-  s.refused_part.reset();  // told
+  s.refused_part.reset();  // reported
   if (!event && !s.status.ok()) return unexpected(s.reason());
   return event;
 }

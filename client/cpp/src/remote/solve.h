@@ -1,4 +1,4 @@
-// One solve: a unary call, or a stream where something wants to be told.
+// Runs one solve: a unary call, or a stream if events are requested.
 #pragma once
 
 #include "connection/connection.h"

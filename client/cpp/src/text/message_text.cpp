@@ -5,7 +5,7 @@
 namespace marble::client {
 namespace {
 
-// Bytes of the well-formed UTF-8 character at the start of `text`; 0 if there is none.
+// Returns the bytes of the well-formed UTF-8 character at the start of `text`; 0 if there is none.
 std::size_t character_length(std::string_view text) {
   const auto byte = static_cast<unsigned char>(text[0]);
   const std::size_t length = byte < 0x80 ? 1 : byte < 0xc2 ? 0 : byte < 0xe0 ? 2 : byte < 0xf0 ? 3 : 4;

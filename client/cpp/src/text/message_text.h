@@ -1,4 +1,4 @@
-// Text that a message may carry.
+// Prepares text for a message.
 #pragma once
 
 #include <string>
@@ -8,8 +8,8 @@
 
 namespace marble::client {
 
-/// At most `longest` bytes of `text`, cut between characters, with ? for every byte that is not UTF-8: a
-/// message with such a byte cannot be parsed, and file names may hold any.
+/// Returns at most `longest` bytes of `text`, cut between characters, with ? for every byte that is not
+/// UTF-8: a message with such a byte cannot be parsed, and file names may contain any.
 [[nodiscard]] std::string message_text(std::string_view text, std::size_t longest);
 
 }  // namespace marble::client

@@ -1,4 +1,4 @@
-// Names of enumerators, by their numbers.
+// Provides names of enumerators by their numbers.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// Text that may stand in a header or a log line as it is.
+// Checks that text may stand unchanged in a header or a log line.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// A solve of core's that Python asks for: what accompanies it, and how it runs.
+// Runs core's solves for Python: their controls and their execution.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -16,23 +16,23 @@
 
 namespace marble::python {
 
-/// Whether a solve under way shall end, which anybody may ask for; and what it is doing.
+/// A stop request that any thread may make to a running solve, and the solve's current activity.
 struct Stop {
   std::stop_source source;
   ActivityMonitor activity;
 };
 
-/// Calls Python's functions from a solve that runs without the GIL, from any of its threads. What one of them
-/// raises ends the solve.
+/// Calls Python functions from a solve that runs without the GIL, from any of its threads. An exception in
+/// one of them ends the solve.
 class Teller final : public ProgressSink {
  public:
-  /// tell: None, or told of the rows, thinned out as a server does it.
+  /// tell: None, or a function for the rows, thinned out as a server does.
   Teller(py::object tell, double interval_s, std::int32_t iterate_every, std::stop_source source);
 
   void report(const Progress& row) override;
-  /// Runs it with the GIL, unless something was raised before.
+  /// Runs it with the GIL, unless an exception was raised before.
   void call(const std::function<void()>& function);
-  /// Where a row is wanted; else null.
+  /// Returns null if no rows are requested.
   [[nodiscard]] ProgressSink* sink() { return tell_.is_none() ? nullptr : this; }
   void raise_if_raised();
 
@@ -45,33 +45,35 @@ class Teller final : public ProgressSink {
   std::optional<py::error_already_set> raised_;
 };
 
-/// What accompanies one solve, from Python.
+/// Controls of one solve, from Python.
 struct Call {
   std::optional<double> deadline_s;
   py::object tell;
   double interval_s;
   std::int32_t iterate_every;
-  std::shared_ptr<Stop> stop;  // null where only Ctrl-C may ask for it
+  std::shared_ptr<Stop> stop;  // null if only Ctrl-C may stop it
   bool main_thread;
   std::optional<Solution> warm_start;
-  std::shared_ptr<const AskedDerivatives> derivatives;  // null where none are wanted
+  std::shared_ptr<const AskedDerivatives> derivatives;  // null if none are requested
 };
 
-/// Whether Ctrl-C is to raise KeyboardInterrupt, and no handler of the program's own.
+/// True if Ctrl-C raises KeyboardInterrupt, i.e. the program has no handler of its own.
 [[nodiscard]] bool raises_keyboard_interrupt();
 
-/// By names and values that the package has checked by the contract; raises where one is out of its range.
+/// Reads names and values that the package has checked against the contract; raises if a value is out of
+/// range.
 [[nodiscard]] Options options_of(const py::dict& given);
 
 using Solve =
     std::function<Expected<Solution>(const Options& options, const SolveControls& controls, Teller& teller)>;
-/// What comes of a solve whose deadline passes: of one alone an error, of a session's its best point.
+/// The result of a solve whose deadline passes: an error for a single solve, the best point for a session's.
 enum class Late { is_error, is_answer };
-/// Runs it without the GIL; the answer as Python has it, but for a time limit that a deadline has set.
+/// Runs the solve without the GIL; returns the solution as Python expects it, with the original time limit if
+/// a deadline has replaced it.
 [[nodiscard]] py::dict run(const Options& options, const Call& call, const Solve& solve,
                            Late late = Late::is_error);
 
-/// marble._core.Stop and Call.
+/// Binds marble._core.Stop and Call.
 void bind_calls(py::module_& module);
 
 }  // namespace marble::python

@@ -5,7 +5,7 @@
 namespace marble::python {
 namespace {
 
-// The newest of those that live, for the handler.
+// The newest living one, for the handler.
 std::atomic<CtrlC*> newest = nullptr;
 static_assert(std::atomic<CtrlC*>::is_always_lock_free);
 
@@ -25,13 +25,13 @@ CtrlC::~CtrlC() {
   if (!installed_) return;
   struct sigaction current = {};
   sigaction(SIGINT, nullptr, &current);
-  // Whoever put another handler there meanwhile keeps it.
+  // Another handler set meanwhile is kept.
   if ((current.sa_flags & SA_SIGINFO) == 0 && current.sa_handler == on_signal)
     sigaction(SIGINT, &previous_, nullptr);
   newest = below_;
 }
 
-// Nobody registers a callback with these sources, so that a request is a store into an atomic.
+// These sources have no callbacks, so a request is only a store into an atomic.
 void CtrlC::on_signal(int signal) {
   CtrlC* oldest = nullptr;
   for (CtrlC* one = newest; one != nullptr; one = one->below_) {

@@ -1,4 +1,4 @@
-// Ctrl-C while the solver runs on Python's main thread.
+// Handles Ctrl-C while the solver runs on Python's main thread.
 #pragma once
 
 #include <csignal>
@@ -6,9 +6,8 @@
 
 namespace marble::python {
 
-/// While it lives SIGINT also requests a stop, after which Python's own handler says what becomes of it.
-/// Python itself would look at the signal only once the solve has ended. For the main thread; nested ones
-/// stop together.
+/// During its lifetime SIGINT also requests a stop; Python's own handler then decides the consequence. Python
+/// itself would process the signal only after the solve. For the main thread; nested ones stop together.
 class CtrlC {
  public:
   explicit CtrlC(std::stop_source& source);

@@ -18,7 +18,7 @@
 namespace marble::python {
 namespace {
 
-// As a request's message has it.
+// Uses the field names of a request's message.
 Error named(Error error) {
   const bool of_pieces = error.field == "stages" || error.field == "pieces" || error.field == "look_ahead";
   return inside(of_pieces ? "coupled.pieces" : "coupled", std::move(error));
@@ -56,7 +56,7 @@ py::dict told_of(const Coordination& c, double blocks_objective) {
   return told;
 }
 
-// A block that is solved where Python has it.
+// A block that Python solves.
 class CalledBlock final : public BlockSolver {
  public:
   CalledBlock(py::object solve, const Options& options, Teller& teller)
@@ -77,7 +77,7 @@ class CalledBlock final : public BlockSolver {
     return answer;
   }
 
-  // What is told where Python has raised, which is raised at the end.
+  // The error after an exception in Python, which is raised at the end.
   [[nodiscard]] static Error raised() {
     return failure(ErrorCode::cancelled, "a function of Python's has raised");
   }

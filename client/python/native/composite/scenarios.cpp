@@ -13,7 +13,7 @@
 namespace marble::python {
 namespace {
 
-// As a request's message has it: "settings.growth" is "scenarios.growth".
+// Uses the field names of a request's message: "settings.growth" is "scenarios.growth".
 Error named(Error error) {
   constexpr std::string_view kSettings = "settings.";
   if (error.field.starts_with(kSettings)) error.field.erase(0, kSettings.size());

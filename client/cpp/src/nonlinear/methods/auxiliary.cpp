@@ -87,7 +87,7 @@ double Auxiliary::violation() const {
   return largest_violation({point_.equalities, point_.inequalities, point_.G, point_.H});
 }
 
-// What keeps the function from having a value at the point.
+// Records why the function has no value at the point.
 void Auxiliary::find_fault() {
   fault_ = point_.fault;
   if (fault_ || !barrier_) return;
@@ -145,7 +145,7 @@ Derivatives Auxiliary::derivatives(std::span<const double> x) {
   return {.gradient = gradient_};
 }
 
-// B of the caller's Lagrangian, to the point that is linearised.
+// Moves B of the caller's Lagrangian to the point of the linearisation.
 void Auxiliary::move_curvature() {
   const std::size_t n = point_.x.size();
   multipliers_.bounds.assign(n, 0.0);

@@ -1,11 +1,10 @@
-// The smooth function of a reference method: θ and a term of each row, with no rows but bounds. K. Murty,
-// "Algorithms for NLP with nonlinear constraints" (lectures). With a row's value v, its weight μ and its
-// multiplier π:
+// Provides the smooth function of a reference method: θ and a term for each row, with bounds as its only
+// constraints. K. Murty, "Algorithms for NLP with nonlinear constraints" (lectures). With a row's value v,
+// its weight μ and its multiplier π:
 //
 //   equality, and G·H of a pair    πv + μv²
 //   inequality, and G and H        (max(0, π − 2μv)² − π²) / 4μ      penalty (π = 0) and alag
-//                                  −μ log v                          barrier; its equalities have the weight
-//                                  1/μ
+//                                  −μ log v                          barrier; its equalities: weight 1/μ
 #pragma once
 
 #include <array>
@@ -19,7 +18,7 @@
 
 namespace marble::nonlinear {
 
-/// An error of a caller's function, on its way through the loop.
+/// An error of a caller's function, passed through the loop as an exception.
 struct Refused {
   Error error;
 };
@@ -35,8 +34,8 @@ class Auxiliary {
     double objective = 0.0, violation = 0.0;
   };
 
-  /// Of a problem that is there at functions.start(), at least in its sizes. All must outlive it, and it must
-  /// stay.
+  /// For a problem that is defined at functions.start(), at least in its sizes. All must outlive it, and it
+  /// must not move.
   Auxiliary(const Problem& problem, Functions& functions, const Settings& settings, Point first);
   Auxiliary(const Auxiliary&) = delete;
   Auxiliary& operator=(const Auxiliary&) = delete;
@@ -45,25 +44,25 @@ class Auxiliary {
   [[nodiscard]] const Problem& problem() const { return made_; }
 
   [[nodiscard]] std::array<std::vector<Row>, kParts>& rows() { return rows_; }
-  /// Of a penalty, or of the barrier, to all rows.
+  /// Sets the weight of all rows, for a penalty or the barrier.
   void set_weight(double mu);
 
-  /// The functions at x.
+  /// Returns the functions at x.
   const Point& at(std::span<const double> x);
-  /// What the terms' slopes at x say of all multipliers but the bounds'; 0 of a row that is further than
+  /// Computes all multipliers but the bounds' from the terms' slopes at x; 0 for a row that is further than
   /// `tolerance` from its bound.
   void multipliers(std::span<const double> x, double tolerance, Multipliers& multipliers);
   [[nodiscard]] const Linearisation& linearisation() const { return at_; }
-  /// What is meant to be zero: |v| of what is penalised on both sides, |min(v, π/2μ)| of an inequality.
+  /// The value that must be zero: |v| for a row penalised on both sides, |min(v, π/2μ)| for an inequality.
   [[nodiscard]] double residual(Part part, std::size_t i) const;
-  /// π as the minimum over x says: the slope of the row's term.
+  /// The estimate of π at the minimum over x: the slope of the row's term.
   [[nodiscard]] double estimate(Part part, std::size_t i) const { return term(part, i).estimate; }
-  /// Σ log of the rows that have to be positive.
+  /// Returns Σ log of the rows that must be positive.
   [[nodiscard]] double barrier() const;
   [[nodiscard]] double violation() const;
-  /// The newest numbers of the caller's that were not finite, or not inside.
+  /// Returns the caller's last numbers that were not finite, or not in the interior.
   [[nodiscard]] const std::optional<Error>& fault() const { return fault_; }
-  /// What was linearised at x, which was one of the last two points.
+  /// Returns the linearisation at x, which was one of the last two points.
   [[nodiscard]] const Seen& seen(std::span<const double> x) const {
     return seen_[same(seen_[0].x, x) ? 0 : 1];
   }
@@ -97,7 +96,7 @@ class Auxiliary {
   Multipliers multipliers_;
   std::optional<Model> B_;
   std::vector<double> last_x_, step_, change_, slope_;
-  Linearisation last_;  // where B_ is
+  Linearisation last_;  // the point of B_
   std::optional<OuterProducts> hessian_;
   std::optional<Error> fault_;
   std::array<Seen, 2> seen_;

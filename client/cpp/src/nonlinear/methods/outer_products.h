@@ -1,5 +1,5 @@
-// Curvature that squares of rows bring: Σ α aaᵀ + β bbᵀ + γ (abᵀ + baᵀ) of rows a, b of sparse Jacobians, its
-// upper triangle added into a fixed pattern.
+// Provides the curvature that squares of rows contribute: Σ α aaᵀ + β bbᵀ + γ (abᵀ + baᵀ) of rows a, b of
+// sparse Jacobians; its upper triangle is added into a fixed pattern.
 #pragma once
 
 #include <span>
@@ -11,16 +11,16 @@ namespace marble::nonlinear {
 
 class OuterProducts {
  public:
-  /// The pattern: that of `upper` and of the products of all rows added.
+  /// Starts with the pattern of `upper`; add() extends it by the products of rows.
   explicit OuterProducts(const SparseMatrix& upper);
 
-  /// A product for each row of A; of A and B where B is there, of as many rows. Before close().
+  /// Adds a product for each row of A, or of A and B if B is given, with as many rows. Call before close().
   void add(const SparseMatrix& A, const SparseMatrix* B = nullptr);
   void close();
 
-  /// The values of `upper`; zero elsewhere.
+  /// Sets the values to those of `upper`; zero elsewhere.
   void begin(const SparseMatrix& upper);
-  /// Of row i of what was added as number `part`, with A and B as they are now.
+  /// Adds the product of row i of the added part `part`, with the current A and B.
   void take(std::size_t part, std::size_t i, const SparseMatrix& A, double alpha,
             const SparseMatrix* B = nullptr, double beta = 0.0, double gamma = 0.0);
 
@@ -33,12 +33,12 @@ class OuterProducts {
   };
   struct Product {
     std::vector<Entry> entries;    // by columns
-    std::vector<Index> positions;  // in the sum, of each two of them
+    std::vector<Index> positions;  // in the sum, for each two of the entries
   };
   [[nodiscard]] Index position(Index row, Index column) const;
 
   std::vector<std::vector<Product>> parts_;
-  std::vector<std::vector<Index>> columns_;  // rows of each, until it is closed
+  std::vector<std::vector<Index>> columns_;  // rows of each column, until it is closed
   std::vector<Index> of_upper_;
   SparseMatrix first_, sum_;
 };

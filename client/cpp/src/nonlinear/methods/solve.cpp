@@ -1,5 +1,5 @@
-// Each method by its name; and the outer loop of the references, which changes weights and multipliers until
-// the minimum of their function meets the tests that an answer of the main loop meets.
+// Runs the method of a given name. For the references, runs the outer loop, which changes weights and
+// multipliers until the minimum of their function passes the tests of the main loop's solutions.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -14,10 +14,10 @@ namespace {
 
 constexpr double kFirstMu = 1.0;
 constexpr double kGrowth = 10.0;    // of a weight (SUMT, and the method of multipliers)
-constexpr double kFall = 0.1;       // of the barrier's
-constexpr double kProgress = 0.25;  // of the worst residual, for which multipliers move
-constexpr double kMostMu = 1e12;    // and its inverse of the barrier
-constexpr double kFineStep = 1e-2;  // of the barrier's μ: rows are as near to zero as that
+constexpr double kFall = 0.1;       // of the barrier's weight
+constexpr double kProgress = 0.25;  // of the worst residual, to update the multipliers
+constexpr double kMostMu = 1e12;    // the barrier's μ is at least its inverse
+constexpr double kFineStep = 1e-2;  // of the barrier's μ: rows this near to zero count as active
 
 class Reference {
  public:
@@ -37,7 +37,7 @@ class Reference {
     auto own = Functions::create(auxiliary_.problem());
     if (!own) return unexpected(own.error());
     Loop loop(auxiliary_.problem(), std::move(*own), open_, inner_);
-    loop.set_stationary(kReducedKkt);  // slopes of weights that are large leave no more digits
+    loop.set_stationary(kReducedKkt);  // slopes of large weights leave no more digits
     for (auxiliary_.set_weight(mu_);;) {
       inner_.iteration_limit = settings_.iteration_limit - iterations_;
       if (is_barrier()) inner_.step_tolerance = std::min(settings_.step_tolerance, kFineStep * mu_);
@@ -58,7 +58,7 @@ class Reference {
  private:
   [[nodiscard]] bool is_barrier() const { return settings_.method == Method::barrier; }
 
-  // The minimum as an answer to the caller's problem.
+  // Converts the minimum to a solution of the caller's problem.
   void judge(Answer& minimum) {
     const Point& point = auxiliary_.at(minimum.x);
     auxiliary_.multipliers(minimum.x, settings_.feasibility_tolerance, minimum.multipliers);
@@ -83,7 +83,7 @@ class Reference {
     return true;
   }
 
-  // Where the residuals have fallen to a quarter, π; else the weights of those that are still above it.
+  // If the residuals have fallen to a quarter, updates π; else the weights of the rows still above it.
   bool correct_multipliers() {
     double worst = 0.0;
     over_rows(
@@ -112,7 +112,7 @@ class Reference {
     answer.status = status;
     answer.iterations = iterations_, answer.evaluations = functions_.evaluations();
     answer.b_stationary.reset(),
-        answer.stationarity = Stationarity::unknown;  // they were of a problem without rows
+        answer.stationarity = Stationarity::unknown;  // those were of a problem without rows
     double weight = mu_;
     over_rows([&](auto, std::size_t, const Auxiliary::Row& row) { weight = std::max(weight, row.weight); });
     char text[200];
