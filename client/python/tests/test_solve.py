@@ -13,8 +13,8 @@ from support import Shown, check, long_solve, random_problem, tiny, wait_until
 
 import marble
 from marble.base import tables
-from marble.calls.progress import ProgressLine, told
 from marble.hopper import Hopper
+from marble.message.progress import ProgressLine, described
 from marble.model.solution import Progress, Violations
 
 
@@ -190,7 +190,7 @@ def row(**tree):
 
 
 def test_a_search_tells_its_residuals():
-    assert told(row()) == "objective 2.5, violation 1.0e-03, kkt 1.0e-09"
+    assert described(row()) == "objective 2.5, violation 1.0e-03, kkt 1.0e-09"
 
 
 @pytest.mark.parametrize("tree, text", [
@@ -199,7 +199,7 @@ def test_a_search_tells_its_residuals():
     ({"bound": 4.5}, "no point yet, bound 4.5, 17 nodes, 4 open"),
 ])
 def test_a_proof_tells_what_is_known_of_the_optimum(tree, text):
-    assert told(row(nodes=17, open_nodes=4, **tree)) == text
+    assert described(row(nodes=17, open_nodes=4, **tree)) == text
 
 
 @pytest.mark.parametrize("bar", [True, False])

@@ -9,6 +9,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from marble.base import contract, tables
+from marble.base.fields import SOLUTION_VECTORS
 from marble.base.lazy import lazy
 
 grpc: Any = lazy("grpc")
@@ -20,9 +21,8 @@ Index = int | tuple[int, int] | None
 
 # What core names otherwise than this package; all else it names by the letters of the equation.
 _OF_CORE = {"initial_z": "z0",
-            "warm_start.equality_multipliers": "warm_start.y", "warm_start.inequality_multipliers": "warm_start.nu",
-            "warm_start.complementarity_multipliers_L": "warm_start.xi",
-            "warm_start.complementarity_multipliers_R": "warm_start.eta"}
+            **{f"warm_start.{field}".replace("_l", "_L").replace("_r", "_R"): f"warm_start.{name}"
+               for name, field in SOLUTION_VECTORS.items() if name != field}}
 # The letters of the equation, and the names of the fields of marble.v1.Problem and marble.v1.ProblemUpdate.
 _LETTERS = {"constant": "c0", "initial_point.z": "z0",
             **{field.replace("_L", "_l").replace("_R", "_r"): name for field, name in _OF_CORE.items()},

@@ -44,6 +44,7 @@ from marble.errors import AlmostSolved, InvalidArgument, InvalidProblem, Unavail
 from marble.model.conflict import Conflict
 from marble.model.layout import Family, Layout
 from marble.model.lcqp import LCQP, Vector
+from marble.model.problem import without_objective
 from marble.model.pyomo_conditions import OwnVariables
 from marble.model.pyomo_disjunctions import choose
 from marble.model.solution import Solution, warn_if_almost
@@ -410,8 +411,7 @@ def explain_infeasible(model: Any, *, server: str | Client | None = None, **opti
     """
     read = _Model(model)
     problem, _ = read.numbers()
-    nearest = problem.replaced(Q=sp.identity(problem.n, format="csc"), g=np.zeros(problem.n), c0=0.0)
-    answer = marble.solve(nearest, server=server, explain=True, **options)
+    answer = marble.solve(without_objective(problem), server=server, explain=True, **options)
     return [] if answer.conflict is None else read.parts_of(answer.conflict)
 
 

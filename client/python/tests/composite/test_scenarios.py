@@ -184,7 +184,7 @@ def test_without_a_server_a_world_without_a_plan_is_named_and_what_is_wrong_too(
     late = local.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, options={"time_limit_s": 0.0})
     assert late.end is marble.ScenarioEnd.TIME_LIMIT and late.scenarios == 0 and late.x.size == 0
 
-    async def ask() -> marble.ScenarioAnswer:
+    async def ask() -> marble.ScenarioSolution:
         told: list[marble.ScenarioLevel] = []
         async with marble.aio.Client("local") as client:
             answer = await client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, level=told.append)

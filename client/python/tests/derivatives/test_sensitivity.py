@@ -74,10 +74,10 @@ def test_they_are_those_of_sensitivity_which_is_asked_later():
     told = answer.sensitivity
     assert told.smooth and later.smooth
     for k, direction in enumerate(request.directions):
-        change = later.along(**direction)
+        change = later.jvp(**direction)
         for name, values in told.changes.items():
             np.testing.assert_allclose(values[k], getattr(change, name), rtol=1e-8, atol=1e-9)
-    for name, values in later.gradient(**request.losses[0]).items():
+    for name, values in later.vjp(**request.losses[0]).items():
         np.testing.assert_allclose(told.gradients[name][0], values, rtol=1e-8, atol=1e-9)
     response = later.rows(request.rows, columns=True)
     np.testing.assert_allclose(told.rows.response, response.response, rtol=1e-8, atol=1e-9)

@@ -4,34 +4,32 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
-from numpy.typing import ArrayLike
-
 from marble import errors
-from marble.aio.rpc import AioRpc
+from marble.aio.awaited import awaited
 from marble.base.lazy import lazy
-from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, answer_of, first_refused
-from marble.calls.shift import Shift
+from marble.calls import session
+from marble.calls.session_core import SessionCore, SessionEvent, SessionInfo, answer_of, first_refused
 from marble.connection.patience import Tries
+from marble.connection.rpc import Calls
 from marble.errors import Cancelled, Error, FailedPrecondition, Unavailable
 from marble.message.requests import Call
-from marble.model.derivatives import SensitivityRequest
-from marble.model.lcqp import LCQP, MatrixLike
+from marble.model.lcqp import LCQP
 from marble.model.problem import Problem
 from marble.model.solution import Progress, Solution
 
 grpc: Any = lazy("grpc")
 
 
-class Session(SessionFacts):
+class Session(SessionInfo):
     """As marble.Session, awaited; from marble.aio.Client.session, set up by `async with`.
 
     One task may send while another one waits in next(); else one at a time.
     """
 
-    def __init__(self, rpc: AioRpc, problem: LCQP | Problem, call: Call, latest_only: bool,
+    def __init__(self, rpc: Calls, problem: LCQP | Problem, call: Call, latest_only: bool,
                  progress: Callable[[int, Progress], object] | None, reopen: bool) -> None:
         self._core = SessionCore(problem, progress, reopen)
         self._first = self._core.set_up(call, latest_only)
@@ -172,18 +170,10 @@ class Session(SessionFacts):
                 return self._unread.pop(min(self._unread))
             return await self._read()
 
-    async def update(self, problem: LCQP | Problem | None = None, *, g: ArrayLike | None = None,
-                     b: ArrayLike | None = None, d: ArrayLike | None = None, l: ArrayLike | None = None,
-                     r: ArrayLike | None = None, c0: float | None = None, Q: MatrixLike | None = None,
-                     A: MatrixLike | None = None, C: MatrixLike | None = None, L: MatrixLike | None = None,
-                     R: MatrixLike | None = None, options: Mapping[str, Any] | None = None,
-                     z0: ArrayLike | None = None, cold: bool = False, shift: Shift | int | None = None,
-                     deadline: float | None = None,
-                     sensitivity: SensitivityRequest | None = None, **more_options: Any) -> Solution:
-        """Sends what has changed, and waits for the answer; see marble.Session.update."""
-        sequence = await self.send(problem, g=g, b=b, d=d, l=l, r=r, c0=c0, Q=Q, A=A, C=C, L=L, R=R, options=options,
-                                   z0=z0, cold=cold, shift=shift, deadline=deadline, sensitivity=sensitivity,
-                                   **more_options)
+    update = awaited(session.Session.update)
+
+    async def _update(self, problem: LCQP | Problem | None, *, deadline: float | None, **changes: Any) -> Solution:
+        sequence = await self.send(problem, deadline=deadline, **changes)
         tries = Tries(self._rpc.patience, deadline)
         async with self._reading:
             while sequence not in self._unread:

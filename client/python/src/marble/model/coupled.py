@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from marble.base.fields import named
 from marble.base.tables import Status
 from marble.errors import InvalidArgument
 from marble.model.lcqp import LCQP, MatrixLike, Vector, matrix, vector
@@ -68,20 +69,20 @@ class Coordination:
     status: Status
     detail: str
     iterations: int
-    violation: float
+    violation: float = field(metadata=named("coupling_violation"))
     step: float
     proximal: float
     frozen_at: int
     flips: int
     factorizations: int
-    objective: float
-    failed: int | None
+    objective: float = field(metadata=named("blocks_objective"))
+    failed: int | None = field(metadata=named("failed_block"))
     sweep_objective: float | None
     sweep_factorizations: int
 
 
 @dataclass(frozen=True, eq=False)
-class CoupledAnswer:
+class CoupledSolution:
     """The answer to blocks.
 
     status, detail, objective: of the joint problem. z: of each block. prices: of the rows, m. solution: the whole, all
@@ -101,10 +102,10 @@ class CoupledAnswer:
 
 
 @dataclass(frozen=True, eq=False)
-class PiecesAnswer:
+class PiecesSolution:
     """The answer to a problem in pieces.
 
-    solution: of the problem itself. coordination: how the pieces came to it. repeated: as in CoupledAnswer, of pieces.
+    solution: of the problem itself. coordination: of the pieces. repeated: as in CoupledSolution, of pieces.
     """
 
     solution: Solution
@@ -138,12 +139,12 @@ def stages_of(problem: LCQP, wish: Pieces) -> NDArray[np.integer[Any]]:
     return stages
 
 
-def answer_of(solution: Solution, blocks: Sequence[LCQP | Problem], prices: Vector,
-              coordination: Coordination) -> CoupledAnswer:
-    """What the solution of the joint problem says, block by block."""
+def solution_of(solution: Solution, blocks: Sequence[LCQP | Problem], prices: Vector,
+              coordination: Coordination) -> CoupledSolution:
+    """The solution of the joint problem, block by block."""
     sizes = [compiled(block).g.size for block in blocks]
     if sum(sizes) != solution.z.size:
         raise InvalidArgument("blocks", f"must have {solution.z.size} variables, as the answer has", value=sum(sizes))
     z = tuple(np.split(solution.z, np.cumsum(sizes)[:-1]))
-    return CoupledAnswer(solution.status, solution.detail, solution.objective, z, prices, solution, coordination,
+    return CoupledSolution(solution.status, solution.detail, solution.objective, z, prices, solution, coordination,
                          solution.job_id)

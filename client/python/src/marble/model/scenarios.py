@@ -155,7 +155,18 @@ class ScenarioLevel:
 
 
 @dataclass(frozen=True, eq=False)
-class ScenarioAnswer:
+class ScenarioOutcome:
+    """What a scenario solve returns beside the solution of its last level; see ScenarioSolution."""
+
+    end: ScenarioEnd
+    scenarios: int
+    first_stage: int
+    infeasible: tuple[int, ...]
+    levels: tuple[ScenarioLevel, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ScenarioSolution:
     """The newest plan that a level has proved good.
 
     end: why it ended. status, detail: of the last level; TIME_LIMIT and CANCELLED where that ended it.
@@ -295,10 +306,10 @@ def drawn(problem: LCQP | Problem, wish: Scenarios) -> Drawn:
     return Drawn(plan, *own_rows(lcqp, plan, entries), None, list(zip(quantities, moves, strict=True)))
 
 
-def answer_of(solution: Solution, end: ScenarioEnd, count: int, first_stage: int, infeasible: Sequence[int],
-              levels: Sequence[ScenarioLevel]) -> ScenarioAnswer:
-    """What the solution of a level's LCQP says: the plan, and `count` recourses."""
-    x, rest = solution.z[:first_stage], solution.z[first_stage:]
-    return ScenarioAnswer(end, solution.status, solution.detail, count, x,
-                          rest.reshape(count, -1) if count else np.zeros((0, 0)), solution.objective,
-                          solution.violations, tuple(infeasible), tuple(levels), solution, solution.job_id)
+def solution_of(solution: Solution, outcome: ScenarioOutcome) -> ScenarioSolution:
+    """The plan and the recourses in the solution of the last level's LCQP."""
+    x, rest = solution.z[:outcome.first_stage], solution.z[outcome.first_stage:]
+    return ScenarioSolution(
+        outcome.end, solution.status, solution.detail, outcome.scenarios, x,
+        rest.reshape(outcome.scenarios, -1) if outcome.scenarios else np.zeros((0, 0)), solution.objective,
+        solution.violations, outcome.infeasible, outcome.levels, solution, solution.job_id)

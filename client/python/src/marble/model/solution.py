@@ -80,7 +80,7 @@ class Times:
     tree_s: float = 0.0
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Solution:
     """An answer, in the problem's units. At a solution Q z + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0, ν ≥ 0.
 
@@ -117,7 +117,7 @@ class Solution:
 
     status: Status
     detail: str
-    origin: PointOrigin
+    origin: PointOrigin = PointOrigin.SOLVE
     z: Vector
     y: Vector
     nu: Vector
@@ -131,8 +131,8 @@ class Solution:
     b_stationary: bool | None
     second_order: SecondOrder | None
     proved: bool
-    bound: float
-    gap: float
+    bound: float = -math.inf
+    gap: float = math.inf
     nodes: int
     open_nodes: int
     warm_nodes: int
