@@ -343,13 +343,13 @@ class MarblePersistent:
             self.set_instance(model)
         assert self._model is not None
         problem, same = self._model.numbers()
-        wishes = {**self.options, **(options or {}), **({} if timelimit is None else {"time_limit_s": timelimit})}
-        same = same and not fresh and wishes == self._used
+        merged = {**self.options, **(options or {}), **({} if timelimit is None else {"time_limit_s": timelimit})}
+        same = same and not fresh and merged == self._used
         start = None
         if warmstart:
             start = np.zeros(self._model.n)
             start[:len(self._model.variables)] = [0.0 if v.value is None else v.value for v in self._model.variables]
-        self._repeated.options, self._used = dict(wishes), wishes
+        self._repeated.options, self._used = dict(merged), merged
         self.answer = self._repeated.solve(problem, same_pattern=same, z0=start)
         warn_if_almost(self.answer)
         if load_solutions and self.answer.status not in _NO_POINT:

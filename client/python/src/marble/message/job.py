@@ -139,7 +139,7 @@ class Trace:
     pairs: list[PairSides]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "stride", max(1, self.stride))  # 0 while it has not begun
+        object.__setattr__(self, "stride", max(1, self.stride))  # 0 in the message of a job that has not begun
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,6 +57,31 @@ def _fields(kind: Any) -> tuple[_Field, ...]:
     return tuple(found)
 
 
+@functools.cache
+def _defaults(kind: Any) -> tuple[dict[str, Any], tuple[tuple[str, Any], ...], Any]:
+    """Default values, factories of such, and the class's __post_init__ or None."""
+    return ({field.name: field.default for field in dataclasses.fields(kind)
+             if field.default is not dataclasses.MISSING},
+            tuple((field.name, field.default_factory) for field in dataclasses.fields(kind)
+                  if field.default_factory is not dataclasses.MISSING),
+            getattr(kind, "__post_init__", None))
+
+
+def _made(kind: Any, values: dict[str, Any]) -> Any:
+    """A record with these attributes, and the defaults of all others; its __init__ takes twice as long."""
+    made = object.__new__(kind)
+    attributes = made.__dict__
+    fixed, factories, complete = _defaults(kind)
+    attributes.update(fixed)
+    for name, factory in factories:
+        if name not in values:
+            attributes[name] = factory()
+    attributes.update(values)
+    if complete is not None:
+        complete(made)
+    return made
+
+
 def _is(kind: type, hint: Any) -> bool:
     return isinstance(hint, type) and issubclass(hint, kind)
 
@@ -159,7 +184,8 @@ def read(kind: type[Record], message: Any, arrays: Arrays | None = None, path: s
         if attribute not in given:
             values[attribute] = reader(message, arrays, path)
     values.update(given)
-    return kind(**values)
+    record: Record = _made(made, values)
+    return record
 
 
 def options(message: Any) -> dict[str, float | int | bool | str]:
@@ -206,13 +232,14 @@ def _of_core_or_none(kind: Any, values: Any) -> Any:
     return None if values is None else of_core(kind, values)
 
 
-def of_core(kind: type[Record], values: Mapping[str, Any] | Sequence[Any], **given: Any) -> Record:
+def of_core(kind: type[Record], values: dict[str, Any] | Sequence[Any], **given: Any) -> Record:
     """A record of marble._core's values, by the attributes' names or in their order. given: as in read."""
     made: Any = kind
     names, converters = _core_table(made)
-    parts = dict(values) if isinstance(values, Mapping) else dict(zip(names, values, strict=True))
+    parts = dict(values) if isinstance(values, dict) else dict(zip(names, values, strict=True))
     for name, convert in converters:
         if name in parts and name not in given:
             parts[name] = convert(parts[name])
     parts.update(given)
-    return kind(**parts)
+    record: Record = _made(made, parts)
+    return record

@@ -1,4 +1,4 @@
-"""Derivatives of an answer by its problem's numbers: what may be asked with a solve, and what is told."""
+"""Derivatives of a solution with respect to its problem's numbers: requests with a solve, and results."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def asked(request: SensitivityRequest, problem: LCQP) -> Asked:
 
 
 def response(values: Vector, free: Vector, packed: Vector, z: Vector, columns: Vector) -> RowResponse:
-    """Of what the solver tells: the upper triangle by columns, and columns one after the other."""
+    """A RowResponse of the solver's numbers: the upper triangle by columns, and columns one after the other."""
     m = values.size
     full = np.zeros((m, m))
     j, i = np.tril_indices(m)
