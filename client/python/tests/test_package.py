@@ -77,7 +77,7 @@ def test_a_terminal_can_show_the_plan(client):
     assert picture.count("o") > 5 and "####" in picture
 
 
-def test_the_program_solves_files_and_tells_of_bad_ones(server, tmp_path):
+def test_the_program_solves_files_and_reports_bad_ones(server, tmp_path):
     marble.Problem.of(tiny()).save(tmp_path / "good.json")
     (tmp_path / "bad.json").write_text("{}")
     good = _python("-m", "marble", "solve", "good.json", server=server.address, where=tmp_path)

@@ -141,12 +141,12 @@ def test_what_only_a_server_has_says_so(here):
                                    {"priority": "urgent"}, {"request_id": "\n"}, {"deadline": 0},
                                    {"progress_interval": -1, "progress": print}])
 def test_errors_are_the_same(client, here, parts):
-    told = []
+    raised = []
     for one in (client, here):
         with pytest.raises(marble.InvalidArgument) as caught:
             one.solve(tiny(), **parts)
-        told.append((type(caught.value), caught.value.field, caught.value.index, caught.value.bound, str(caught.value)))
-    assert told[0] == told[1]
+        raised.append((type(caught.value), caught.value.field, caught.value.index, caught.value.bound, str(caught.value)))
+    assert raised[0] == raised[1]
 
 
 def test_an_update_that_does_not_fit_changes_nothing(client, here):
@@ -165,7 +165,7 @@ def test_an_update_that_does_not_fit_changes_nothing(client, here):
     same(answers[1], answers[0])
 
 
-def test_progress_is_told_on_the_caller_s_thread_and_what_it_raises_ends_the_solve(here):
+def test_progress_is_reported_on_the_caller_s_thread_and_what_it_raises_ends_the_solve(here):
     rows = []
     here.solve(random_problem(3), progress=lambda row: rows.append((row, threading.get_ident())), iterate_every=1)
     assert [row.iteration for row, _ in rows] == sorted(row.iteration for row, _ in rows) and len(rows) > 1
@@ -180,7 +180,7 @@ def test_progress_is_told_on_the_caller_s_thread_and_what_it_raises_ends_the_sol
         here.solve(problem, options=options, progress=enough)
 
 
-def test_what_a_solve_is_doing_is_told_where_no_iteration_ends(here):
+def test_what_a_solve_is_doing_is_reported_where_no_iteration_ends(here):
     shown = Shown()
     handle = here.solve_async(Hopper().problem(), options={"starts": 500}, progress=shown)
     assert wait_until(lambda: any(text.startswith("further starts: ") for text in shown.words))
