@@ -11,6 +11,7 @@ from marble.calls.batch import BatchAnswer, BatchItem
 from marble.calls.jobs import Jobs
 from marble.calls.session import Session
 from marble.connection import connect
+from marble.connection.rpc import check_deadline
 from marble.errors import Error
 from marble.message import coupled as coupled_problems
 from marble.message import requests
@@ -29,7 +30,6 @@ from marble.model.scenarios import ScenarioLevel, Scenarios, ScenarioSolution
 from marble.model.solution import Progress, Solution
 from marble.transport.handle import SolveHandle
 from marble.transport.local import LocalTransport
-from marble.transport.open import open_transport
 from marble.transport.remote import RemoteTransport
 from marble.transport.transport import Transport
 
@@ -45,9 +45,12 @@ class Connected:
                  tls_certificate: str | None = None, tls_key: str | None = None, tls_server_name: str | None = None,
                  timeout: float | None = None, wait: float | None = None,
                  keepalive: float | str | None = None) -> None:
-        self._transport = open_transport(
-            *self._transports, address, timeout, wait, token=token, name=name, tls=tls, tls_ca=tls_ca,
-            tls_certificate=tls_certificate, tls_key=tls_key, tls_server_name=tls_server_name, keepalive=keepalive)
+        local, remote = self._transports
+        timeout = check_deadline(timeout)
+        self._transport = local(timeout) if connect.is_local(address) else remote(
+            address, connect.ConnectOptions.from_environment(
+                token=token, name=name, tls=tls, tls_ca=tls_ca, tls_certificate=tls_certificate, tls_key=tls_key,
+                tls_server_name=tls_server_name, keepalive=keepalive), timeout, wait)
         self.address: str = self._transport.address
         self.jobs = self._jobs(self._transport)
 

@@ -145,7 +145,8 @@ def test_errors_are_the_same(client, here, parts):
     for one in (client, here):
         with pytest.raises(marble.InvalidArgument) as caught:
             one.solve(tiny(), **parts)
-        raised.append((type(caught.value), caught.value.field, caught.value.index, caught.value.bound, str(caught.value)))
+        error = caught.value
+        raised.append((type(error), error.field, error.index, error.bound, str(error)))
     assert raised[0] == raised[1]
 
 

@@ -87,7 +87,7 @@ class Batch:
             stream.cancel()
 
     async def _write(self, stream: Any) -> None:
-        with contextlib.suppress(grpc.RpcError, asyncio.InvalidStateError):  # the reader learns why
+        with contextlib.suppress(grpc.RpcError, asyncio.InvalidStateError):  # the reader gets the reason
             while not self._core.done:
                 self._changed.clear()
                 message, seconds = self._core.due()

@@ -72,7 +72,7 @@ class Session(SessionInfo):
         try:
             await stream.write(message)
         except (grpc.RpcError, asyncio.InvalidStateError):
-            pass  # the reader learns why
+            pass  # the reader gets the reason
 
     async def _event(self, stream: Any) -> SessionEvent | None:
         """The next outcome, or None at the stream's end, or once all is set up."""
@@ -109,7 +109,7 @@ class Session(SessionInfo):
         return None
 
     async def _reopen(self, error: Unavailable, tries: Tries) -> None:
-        """At once, as there may be another server; then after pauses."""
+        """At once, as there may be another server; then repeatedly after pauses."""
         self._stream.cancel()
         if self._again is not None:
             self._again.cancel()
@@ -130,7 +130,7 @@ class Session(SessionInfo):
             raise
         await self._writing.acquire()
         self._stream = stream
-        # A task, as the server may take the last of them once answers to the first are read. Others send after it.
+        # A task, as the server may take the last ones only once results of the first are read. Others send after it.
         self._again = asyncio.ensure_future(self._send_again(stream, self._core.again()))
         if self._core.ended:
             self.cancel()
@@ -158,13 +158,13 @@ class Session(SessionInfo):
             return sequence
 
     async def prepare(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
-        """Sends the first part of an update ahead of what is not known yet; see marble.Session.prepare."""
+        """Sends the preparation phase of an update; see marble.Session.prepare."""
         number = await self.send(problem, first_part=True, **changes)
         self._first_parts.append(number)
         return number
 
     async def next(self) -> SessionEvent | None:
-        """Waits for what comes of the next of the updates sent; None after close() and the last."""
+        """Waits for the next result of an update; None after close() and the last one."""
         async with self._reading:
             if self._unread:
                 return self._unread.pop(min(self._unread))
@@ -189,23 +189,23 @@ class Session(SessionInfo):
             return answer_of(first_refused(self._unread, self._first_parts, sequence) or event)
 
     async def close(self) -> None:
-        """Ends the session once everything is answered, and waits for that."""
+        """Ends the session once every update has a result, and waits for that."""
         if self._stream is None or self._core.ended:
             return
         async with self._writing:
             self._core.ended = True
-            with contextlib.suppress(grpc.RpcError, asyncio.InvalidStateError):  # the reader learns why
+            with contextlib.suppress(grpc.RpcError, asyncio.InvalidStateError):  # the reader gets the reason
                 await self._stream.done_writing()
         try:
             async with self._reading:
                 while await self._read() is not None:
                     pass
-        except Unavailable:  # of one that is reopened, everything that was waited for is answered
+        except Unavailable:  # a reopened session has all results that anyone waited for
             if not self._core.reopen:
                 raise
 
     def cancel(self) -> None:
-        """Gives the session up, with all that is under way."""
+        """Ends the session at once, and cancels what is under way."""
         self._core.ended = True
         if self._stream is not None:
             self._stream.cancel()

@@ -21,6 +21,7 @@ from marble.model.scenarios import Scenarios, ScenarioSolution
 from marble.model.solution import Solution
 
 Result = TypeVar("Result")
+_SUBMITTED = answers.reads(Submitted, "SubmitResponse")
 
 
 class JobEvents(Stream[JobEvent]):
@@ -75,7 +76,7 @@ class Jobs(OnTransport):
         options = requests.merged(options, more_options)
         call = Call(options, priority, request_id, sensitivity=sensitivity)
         parts = {} if scenarios is None else {"scenarios": two_stage.encoder(problem, scenarios)}
-        return self._call("Jobs/Submit", requests.submission(compiled(problem), call, **parts), answers.submitted,
+        return self._call("Jobs/Submit", requests.submission(compiled(problem), call, **parts), _SUBMITTED,
                           deadline)
 
     def submit_coupled(self, /, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None],
@@ -87,7 +88,7 @@ class Jobs(OnTransport):
         settings, options = coupled.split(settings, options)
         part = coupled.blocks_encoder(Coupled(blocks, coupling, total, prices), settings)
         request = requests.submission(problem_name, Call(options, priority, request_id), coupled=part)
-        return self._call("Jobs/Submit", request, answers.submitted, deadline)
+        return self._call("Jobs/Submit", request, _SUBMITTED, deadline)
 
     def submit_pieces(self, /, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, look_ahead: int = -1,
                       options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
@@ -96,7 +97,7 @@ class Jobs(OnTransport):
         settings, options = coupled.split(settings, options)
         part = coupled.pieces_encoder(problem, Pieces(stages, pieces, look_ahead), settings)
         request = requests.submission(compiled(problem), Call(options, priority, request_id), coupled=part)
-        return self._call("Jobs/Submit", request, answers.submitted, deadline)
+        return self._call("Jobs/Submit", request, _SUBMITTED, deadline)
 
     def submit_array(self, elements: Iterable[LCQP | Problem | Mapping[str, Any] | ArrayItem], *,
                      base: LCQP | Problem | None = None, options: Mapping[str, Any] | None = None,
@@ -111,7 +112,7 @@ class Jobs(OnTransport):
         """
         call = Call(options, priority, request_id)
         messages = submission_of(elements, None if base is None else compiled(base), name, call)
-        return self._call("Jobs/SubmitArray", messages, answers.submitted_array, deadline)
+        return self._call("Jobs/SubmitArray", messages, answers.reads(SubmittedArray, "SubmitArrayResponse"), deadline)
 
     def array(self, job_id: str, *, after: int = 0,
               problems: Sequence[LCQP | Problem] | None = None) -> Iterator[ArrayAnswer]:
@@ -162,11 +163,12 @@ class Jobs(OnTransport):
         states: only these; none means all. client: only its jobs. limit: in [0, 10000]; 0 means 100. before: only jobs
         older than that id, to page on.
         """
-        return self._call("Jobs/List", requests.list_jobs(tuple(states), client, limit, before), answers.job_page)
+        return self._call("Jobs/List", requests.list_jobs(tuple(states), client, limit, before),
+                          answers.reads(JobPage, "ListJobsResponse"))
 
     def get(self, job_id: str) -> JobDetails:
         """A job with its options and its convergence."""
-        return self._of_job("Jobs/Get", "GetJobRequest", job_id, answers.job_details)
+        return self._of_job("Jobs/Get", "GetJobRequest", job_id, answers.reads(JobDetails, "GetJobResponse"))
 
     def cancel(self, job_id: str) -> Job:
         """Ends a job: a waiting one at once, a running one within an iteration, with its best iterate."""

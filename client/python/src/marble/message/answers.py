@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -11,11 +11,12 @@ from marble.base import contract
 from marble.base.tables import Status
 from marble.errors import Cancelled
 from marble.message import records, sensitivity, wire
-from marble.message.job import Job, JobDetails, JobEvent, JobPage, Submitted, SubmittedArray
+from marble.message.job import Job, JobEvent
 from marble.model.lcqp import LCQP, Vector
 from marble.model.solution import Progress, Solution
 
 Report = Callable[[Progress], object]
+Record = TypeVar("Record")
 _SOLUTION = "marble.v1.Solution"
 
 
@@ -71,32 +72,17 @@ def progress(row: Any) -> Progress:
     return records.read(Progress, row, name="marble.v1.Progress")
 
 
-def job_details(data: bytes) -> JobDetails:
-    """The job in a GetJobResponse."""
-    return records.read(JobDetails, contract.message("GetJobResponse").FromString(data))
+def reads(kind: type[Record], message: str) -> Callable[[bytes], Record]:
+    """A function that reads a record from the bytes of a message of that name."""
+    return lambda data: records.read(kind, contract.message(message).FromString(data))
 
 
-def job_page(data: bytes) -> JobPage:
-    """The jobs in a ListJobsResponse."""
-    return records.read(JobPage, contract.message("ListJobsResponse").FromString(data))
+def cancelled_job(data: bytes) -> Job:
+    """The job in a CancelJobResponse."""
+    return records.read(Job, contract.message("CancelJobResponse").FromString(data).job)
 
 
 def job_events(data: bytes) -> list[JobEvent]:
     """The events in a WatchJobsResponse."""
     message = contract.message("WatchJobsResponse").FromString(data)
     return [records.read(JobEvent, event, skipped=message.skipped) for event in message.events]
-
-
-def submitted(data: bytes) -> Submitted:
-    """The job in a SubmitResponse."""
-    return records.read(Submitted, contract.message("SubmitResponse").FromString(data))
-
-
-def submitted_array(data: bytes) -> SubmittedArray:
-    """The array in a SubmitArrayResponse."""
-    return records.read(SubmittedArray, contract.message("SubmitArrayResponse").FromString(data))
-
-
-def cancelled_job(data: bytes) -> Job:
-    """The job in a CancelJobResponse."""
-    return records.read(Job, contract.message("CancelJobResponse").FromString(data).job)
