@@ -14,7 +14,7 @@ import types
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import attrgetter
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,18 +28,12 @@ Reader = Callable[[Any, Arrays | None, str], Any]
 _EMPTY: NDArray[np.float64] = np.zeros(0)
 
 
-class _Field(NamedTuple):
-    name: str
-    hint: Any  # without None
-    is_optional: bool
-    default: Any  # MISSING where there is none
-    in_message: str
+class _Field:
+    """hint: without None. default: MISSING where there is none."""
 
-
-class _Table(NamedTuple):
-    plain: tuple[str, ...]  # attributes that are copied
-    get: Callable[[Any], tuple[Any, ...]]  # their values in a message
-    readers: tuple[tuple[str, Reader], ...]
+    def __init__(self, name: str, hint: Any, is_optional: bool, default: Any, in_message: str) -> None:
+        self.name, self.hint, self.is_optional = name, hint, is_optional
+        self.default, self.in_message = default, in_message
 
 
 @functools.cache
@@ -101,7 +95,9 @@ def _item(hint: Any) -> Any:
 
 
 @functools.cache
-def _table(kind: Any, message: str) -> _Table:
+def _table(kind: Any, message: str) -> tuple[tuple[str, ...], Callable[[Any], tuple[Any, ...]],
+                                             tuple[tuple[str, Reader], ...]]:
+    """The attributes that are copied, their values in a message, and the others with their readers."""
     described = contract.descriptor(message).fields_by_name
     plain: list[tuple[str, str]] = []
     readers: list[tuple[str, Reader]] = []
@@ -114,7 +110,7 @@ def _table(kind: Any, message: str) -> _Table:
             plain.append((field.name, field.in_message))
         else:
             readers.append((field.name, reader))
-    return _Table(tuple(name for name, _ in plain), _getter([there for _, there in plain]), tuple(readers))
+    return tuple(name for name, _ in plain), _getter([there for _, there in plain]), tuple(readers)
 
 
 def _getter(names: Sequence[str]) -> Callable[[Any], tuple[Any, ...]]:
@@ -178,9 +174,9 @@ def read(kind: type[Record], message: Any, arrays: Arrays | None = None, path: s
     given: attributes that are not of the message, or that replace what it has.
     """
     made: Any = kind
-    table = _table(made, name or message.DESCRIPTOR.full_name)
-    values = dict(zip(table.plain, table.get(message), strict=True))
-    for attribute, reader in table.readers:
+    plain, get, readers = _table(made, name or message.DESCRIPTOR.full_name)
+    values = dict(zip(plain, get(message), strict=True))
+    for attribute, reader in readers:
         if attribute not in given:
             values[attribute] = reader(message, arrays, path)
     values.update(given)

@@ -154,7 +154,7 @@ class ScenarioLevel:
     fresh: OutOfSample | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, repr=False)
 class ScenarioOutcome:
     """What a scenario solve returns beside the solution of its last level; see ScenarioSolution."""
 

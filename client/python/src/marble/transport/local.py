@@ -99,6 +99,7 @@ class LocalTransport(Transport):
 
     def subproblems(self, open_session: Callable[..., Any]) -> Callable[..., Any] | None:
         """See Transport."""
+        self.check_open()
         return None
 
     def close(self) -> None:

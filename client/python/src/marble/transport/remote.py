@@ -25,12 +25,12 @@ from marble.message.solve import SolveRequest
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem
 from marble.model.solution import Progress
-from marble.transport.block_sessions import BlockSessions
 from marble.transport.handle import SolveHandle
 from marble.transport.local import LocalTransport
 from marble.transport.transport import Transport
 
 grpc: Any = lazy("grpc")
+block_sessions: Any = lazy("marble.transport.block_sessions")
 Result = TypeVar("Result")
 Item = TypeVar("Item")
 
@@ -71,7 +71,7 @@ class RemoteTransport(Transport):
         limit = self._timeout if deadline is None else deadline
         with contextlib.ExitStack() as ends:
             each = [ends.enter_context(contextlib.closing(one)) for one in self._each()]
-            blocks = BlockSessions(self, each, request.call, request.name, limit)
+            blocks = block_sessions.BlockSessions(self, each, request.call, request.name, limit)
             ends.callback(blocks.close)
             result = LocalTransport().run(request, limit, open_block=blocks.open)
         return dataclasses.replace(result, repeated=blocks.repeated)
