@@ -20,7 +20,7 @@ def test_every_problem_of_a_batch_is_answered_once(client):
         check(random_problem(seed), answer.result())
 
 
-def test_a_batch_answers_in_the_items_own_terms_and_tells_refusals(client):
+def test_a_batch_answers_in_the_items_own_terms_and_reports_refusals(client):
     built = marble.Problem(["x"]).minimize([[1.0]], [-3.0]).bound("x", ub=1)
     items = [marble.BatchItem(built, tag="built"), marble.BatchItem(tiny(), "bad", {"max_iterations": -1}),
              marble.BatchItem(tiny(), ("tuple", 1))]

@@ -81,7 +81,7 @@ def test_a_client_s_certificate_names_it(start_server, authority):
         client.info()
 
 
-def test_a_server_without_tls_is_told_of_to_a_client_with_it(server, authority):
+def test_a_server_without_tls_is_reported_to_a_client_with_it(server, authority):
     for options in ({"tls": True}, {"tls_ca": str(authority / "ca.pem")}):
         with (marble.Client(server.address, **options) as client,
               pytest.raises(marble.Unavailable, match="does the server speak without TLS")):
@@ -98,7 +98,7 @@ def test_a_server_without_tls_is_told_of_to_a_client_with_it(server, authority):
     ({"token": "with space"}, "token"),
     ({"name": "x" * 65}, "name"),
 ])
-def test_bad_credentials_are_told_by_field(options, field):
+def test_bad_credentials_are_reported_by_field(options, field):
     with pytest.raises(marble.InvalidArgument) as caught:
         marble.Client("127.0.0.1:1", **options)
     assert caught.value.field == field and "with space" not in str(caught.value)

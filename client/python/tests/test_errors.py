@@ -1,4 +1,4 @@
-"""What goes wrong is told with field, index and bound; and nothing hangs."""
+"""Errors have field, index and bound; and nothing hangs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from marble.base import contract, tables
     ({"g": [1, 2], "z0": [1]}, "z0", None),
     ({"g": [1, 2], "c0": np.inf}, "c0", 0),
 ])
-def test_a_bad_problem_is_told_before_anything_is_sent(parts, field, index):
+def test_a_bad_problem_is_refused_before_anything_is_sent(parts, field, index):
     with pytest.raises(marble.InvalidProblem) as caught:
         marble.LCQP(parts.pop("Q", None), parts.pop("g"), **parts)
     assert (caught.value.field, caught.value.index) == (field, index)
@@ -135,13 +135,13 @@ def test_an_older_server_s_errors_have_their_place_and_its_words(path, entry, fi
     ({"gap_tolerance": -1e-9}, "gap_tolerance"),
     ({"node_limit": 0}, "node_limit"),
 ])
-def test_a_bad_option_is_told_by_its_name(client, options, field):
+def test_a_bad_option_is_reported_by_its_name(client, options, field):
     with pytest.raises(marble.InvalidArgument) as caught:
         client.solve(tiny(), options=options)
     assert caught.value.field == field
 
 
-def test_bad_arguments_of_a_call_are_told(client):
+def test_bad_arguments_of_a_call_are_refused(client):
     for wrong, field in (({"priority": "urgent"}, "priority"), ({"request_id": "\n"}, "request_id"),
                          ({"deadline": 0}, "deadline"), ({"progress_interval": -1, "progress": print},
                                                          "progress_interval")):
@@ -151,7 +151,7 @@ def test_bad_arguments_of_a_call_are_told(client):
 
 
 @pytest.mark.parametrize("address", ["nowhere", "host:0", "host:99999", ":1", "unix:", "a:1,unix:/b", ""])
-def test_a_bad_address_is_told_at_once(address):
+def test_a_bad_address_is_reported_at_once(address):
     with pytest.raises((marble.InvalidArgument, marble.Unavailable)):
         marble.Client(address)
 

@@ -131,7 +131,7 @@ def test_each_subproblem_is_an_update_of_a_session_that_ends_with_the_solve(serv
     assert after["updates_total"] - before["updates_total"] == answer.ticks
 
 
-def test_a_server_that_dies_is_told_in_words(start_server):
+def test_a_server_that_dies_is_reported_in_words(start_server):
     one, calls = start_server(), []
 
     def killing(x):
@@ -191,9 +191,9 @@ def test_real_time_iteration_ends_in_words_or_goes_on_elsewhere(start_server, pr
                     two.kill_the_one_in_use()
                 yield loop.feedback([])
 
-    told = list(ticks(reopen=True))
-    assert [tick.reopened for tick in told] == [0, 0, 0, 1, 0, 0] and {tick.outcome for tick in told} == {"answered"}
-    assert np.allclose(told[-1].x, [0, 2], atol=1e-6)
+    steps = list(ticks(reopen=True))
+    assert [tick.reopened for tick in steps] == [0, 0, 0, 1, 0, 0] and {tick.outcome for tick in steps} == {"answered"}
+    assert np.allclose(steps[-1].x, [0, 2], atol=1e-6)
     with pytest.raises(marble.Unavailable):
         list(ticks(reopen=False))
 

@@ -77,7 +77,7 @@ def test_a_terminal_can_show_the_plan(client):
     assert picture.count("o") > 5 and "####" in picture
 
 
-def test_the_program_solves_files_and_tells_of_bad_ones(server, tmp_path):
+def test_the_program_solves_files_and_reports_bad_ones(server, tmp_path):
     marble.Problem.of(tiny()).save(tmp_path / "good.json")
     (tmp_path / "bad.json").write_text("{}")
     good = _python("-m", "marble", "solve", "good.json", server=server.address, where=tmp_path)
@@ -170,7 +170,7 @@ def test_the_reference_is_generated_without_warnings_and_has_every_name(tmp_path
         assert f'id="marble.{name}"' in page, name
 
 
-@pytest.mark.parametrize("name", ["client", "errors", "aio", "in_process.session", "hopper", "model.problem"])
+@pytest.mark.parametrize("name", ["client", "errors", "aio", "transport.local_session", "hopper", "model.problem"])
 def test_every_module_may_be_the_first_that_is_imported(name):
     code = f"import marble.{name} as one, marble; print(one.__name__, marble.errors.Error is marble.Error)"
     run = _python("-c", code)

@@ -135,7 +135,7 @@ def test_the_hopper_is_the_command_line_s_bit_by_bit(tmp_path):
     ('{"n": 1, "g": [1], "A": {"rows": 1, "cols": 1, "i": [0, 1], "j": [0, 0], "v": [1, 1]}, "b": [0]}', "A.i", 1),
     ('{"n": 1, "g": [1], "A": {"rows": 1, "cols": 1, "i": [0], "j": [0], "v": [1e999]}, "b": [0]}', "A.v", 0),
 ])
-def test_a_bad_file_is_told_with_field_and_index(tmp_path, text, field, index):
+def test_a_bad_file_is_reported_with_field_and_index(tmp_path, text, field, index):
     file = tmp_path / "bad.json"
     file.write_text(text)
     with pytest.raises(marble.InvalidProblem) as caught:
@@ -158,7 +158,7 @@ def test_a_bad_file_is_told_with_field_and_index(tmp_path, text, field, index):
     (lambda p: p.start_at([1]), "z0", None),
     (lambda p: p.minimize([[1, 2], [3, 4]]).compile(), "Q", (0, 1)),
 ])
-def test_what_is_wrong_is_told_before_anything_is_sent(wrong, field, index):
+def test_errors_are_raised_before_anything_is_sent(wrong, field, index):
     with pytest.raises(marble.InvalidProblem) as caught:
         wrong(marble.Problem(["a", "b"]))
     assert (caught.value.field, caught.value.index) == (field, index)

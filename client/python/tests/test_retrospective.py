@@ -59,16 +59,16 @@ def test_samples_are_those_of_their_numbers():
 
 
 def test_levels_are_nested_and_close_in_on_the_optimum():
-    bt6, told = Bt6(1), []
-    answer = bt6.solve(levels=12, level=told.append)
+    bt6, levels = Bt6(1), []
+    answer = bt6.solve(levels=12, level=levels.append)
     assert [level.samples for level in answer.levels] == [2 ** (k + 1) for k in range(12)] == bt6.asked
-    assert told == answer.levels and [level.level for level in told] == list(range(12))
+    assert levels == answer.levels and [level.level for level in levels] == list(range(12))
     assert answer.solved and np.array_equal(answer.x, answer.levels[-1].x)
-    assert answer.answer.ticks == sum(level.ticks for level in told) < 60
+    assert answer.answer.ticks == sum(level.ticks for level in levels) < 60
     optimum = [1.28693, 1.48023, 1.37945, 1.32195, 0.62872]
-    errors = [np.abs(level.x - optimum).max() for level in told]
+    errors = [np.abs(level.x - optimum).max() for level in levels]
     assert errors[-1] < 0.05 < errors[0]
-    assert all(level.status is marble.Status.SOLVED and level.estimate is None for level in told)
+    assert all(level.status is marble.Status.SOLVED and level.estimate is None for level in levels)
 
 
 def test_on_a_server_every_bit_is_as_in_process(client):

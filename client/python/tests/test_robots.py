@@ -140,8 +140,8 @@ def test_a_demo_draws_a_picture_and_a_moving_one(tmp_path, monkeypatch, capsys):
     image = pytest.importorskip("PIL.Image")
     monkeypatch.chdir(tmp_path)
     assert main(["--server", "local", "demo", "nonlinear-pusher"]) == 0
-    told = capsys.readouterr().out
-    assert "pusher: solved" in told and "drawn in nonlinear-pusher.png and nonlinear-pusher.gif" in told
+    printed = capsys.readouterr().out
+    assert "pusher: solved" in printed and "drawn in nonlinear-pusher.png and nonlinear-pusher.gif" in printed
     with image.open("nonlinear-pusher.gif") as movie:
         assert movie.n_frames == robots.Pusher().steps + 1
     assert (tmp_path / "nonlinear-pusher.png").stat().st_size > 10_000

@@ -52,7 +52,7 @@ def test_a_builder_s_problem_is_updated_and_answered_in_its_own_terms(client):
         assert session.update().solved
 
 
-def test_an_update_that_does_not_fit_is_told_and_changes_nothing(client):
+def test_an_update_that_does_not_fit_is_refused_and_changes_nothing(client):
     with client.session(tiny()) as session:
         before = session.update().objective
         with pytest.raises(marble.InvalidProblem) as wrong_size:
@@ -139,7 +139,7 @@ def test_latest_only_supersedes_what_waits(start_server):
     assert [event.sequence for event in events] == [2, 3, 1, 4]
 
 
-def test_progress_is_told_with_the_update_s_number(client):
+def test_progress_is_reported_with_the_update_s_number(client):
     rows = []
     with client.session(random_problem(1), progress=lambda number, row: rows.append((number, row))) as session:
         session.update()

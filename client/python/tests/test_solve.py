@@ -13,8 +13,8 @@ from support import Shown, check, long_solve, random_problem, tiny, wait_until
 
 import marble
 from marble.base import tables
-from marble.calls.progress import ProgressLine, told
 from marble.hopper import Hopper
+from marble.message.progress import ProgressLine, described
 from marble.model.solution import Progress, Violations
 
 
@@ -46,7 +46,7 @@ def test_random_answers_hold_against_numpy(client, seed):
     check(problem, answer)
 
 
-def test_options_by_name_are_used_and_told_back(server, client):
+def test_options_by_name_are_used_and_returned(server, client):
     answer = marble.solve(tiny(), server=client, options={"path": "paper"}, max_iterations=77, polish=False)
     assert answer.options["max_iterations"] == 77
     assert answer.options["path"] == "paper" and answer.options["polish"] is False
@@ -87,14 +87,14 @@ def test_an_answer_is_started_from_here_and_there(server, client):
         client.solve(problem, warm_start=[1.0])
 
 
-def test_progress_is_told_on_the_calling_thread(client):
+def test_progress_is_reported_on_the_calling_thread(client):
     rows, threads = [], set()
 
-    def tell(row):
+    def report(row):
         rows.append(row)
         threads.add(threading.get_ident())
 
-    answer = client.solve(random_problem(1), progress=tell, iterate_every=1)
+    answer = client.solve(random_problem(1), progress=report, iterate_every=1)
     assert threads == {threading.get_ident()}
     iterations = [row.iteration for row in rows]
     assert iterations == sorted(iterations) and len(rows) >= 2
@@ -106,7 +106,7 @@ def test_progress_can_be_shown(client, capsys):
     assert "iterations" in capsys.readouterr().err
 
 
-def test_what_a_solve_is_doing_is_told_where_no_iteration_ends(client):
+def test_what_a_solve_is_doing_is_reported_where_no_iteration_ends(client):
     shown = Shown()
     handle = client.solve_async(Hopper().problem(), options={"starts": 500}, progress=shown)
     assert wait_until(lambda: any(text.startswith("further starts: ") for text in shown.words))
@@ -144,18 +144,18 @@ def test_a_handle_waits_cancels_and_stops(client):
     assert handle.result(60).solved and handle.done() and handle.job_id() == handle.result().job_id
 
     problem, options = long_solve()
-    told = threading.Event()
-    given_up = client.solve_async(problem, options=options, progress=lambda row: told.set())
-    assert told.wait(60) and not given_up.done()
+    reported = threading.Event()
+    given_up = client.solve_async(problem, options=options, progress=lambda row: reported.set())
+    assert reported.wait(60) and not given_up.done()
     with pytest.raises(TimeoutError):
         given_up.result(0.01)
     given_up.cancel()
     with pytest.raises(marble.Cancelled):
         given_up.result(60)
 
-    told.clear()
-    stopped = client.solve_async(problem, options=options, progress=lambda row: told.set())
-    assert told.wait(60)
+    reported.clear()
+    stopped = client.solve_async(problem, options=options, progress=lambda row: reported.set())
+    assert reported.wait(60)
     stopped.stop()
     answer = stopped.result(60)
     assert answer.status is marble.Status.CANCELLED and answer.z.size == problem.n
@@ -189,8 +189,8 @@ def row(**tree):
     return Progress(121, 3, 2.5, Violations(0.0, 0.0, 1e-3), 1e-9, 0.1, 10.0, 1.0, 0.0, 130, 0.2, **tree)
 
 
-def test_a_search_tells_its_residuals():
-    assert told(row()) == "objective 2.5, violation 1.0e-03, kkt 1.0e-09"
+def test_a_search_reports_its_residuals():
+    assert described(row()) == "objective 2.5, violation 1.0e-03, kkt 1.0e-09"
 
 
 @pytest.mark.parametrize("tree, text", [
@@ -198,8 +198,8 @@ def test_a_search_tells_its_residuals():
     ({"incumbent": 5.0}, "best 5, no bound yet, 17 nodes, 4 open"),
     ({"bound": 4.5}, "no point yet, bound 4.5, 17 nodes, 4 open"),
 ])
-def test_a_proof_tells_what_is_known_of_the_optimum(tree, text):
-    assert told(row(nodes=17, open_nodes=4, **tree)) == text
+def test_a_proof_reports_what_is_known_of_the_optimum(tree, text):
+    assert described(row(nodes=17, open_nodes=4, **tree)) == text
 
 
 @pytest.mark.parametrize("bar", [True, False])

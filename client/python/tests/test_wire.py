@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -9,7 +11,8 @@ from support import random_problem
 
 import marble
 from marble.base import contract
-from marble.message import answers, requests, wire
+from marble.base.fields import name_in_message
+from marble.message import answers, records, requests, wire
 from marble.message.requests import Call
 
 
@@ -63,13 +66,39 @@ def test_what_a_tree_does_not_know_is_infinite_and_what_it_knows_comes_as_it_was
     tree = dict(proved=True, bound=np.inf, gap=0.25, nodes=2**40, open_nodes=7, warm_nodes=8)
     for name, value in tree.items():
         setattr(response.solution, name, value)
-    told = answers.solve_response(response.SerializeToString(), None)
-    assert {name: getattr(told, name) for name in tree} == tree
+    read = answers.solve_response(response.SerializeToString(), None)
+    assert {name: getattr(read, name) for name in tree} == tree
     row = contract.message("Progress")(nodes=1, incumbent=-3.0)
     progress = answers.progress(row)
     assert (progress.incumbent, progress.bound, progress.gap, progress.nodes) == (-3.0, -np.inf, np.inf, 1)
     row.ClearField("incumbent")
     assert answers.progress(row).incumbent == np.inf
+
+
+# What Python leaves out of a message, or has in another class.
+ELSEWHERE = {"Solution": {"coupled", "scenarios"}, "Progress": {"level", "scenarios"}, "CoupledOutcome": {"prices"},
+             "JobEvent": {"pairs"}}
+
+
+@pytest.mark.parametrize(("kind", "message"), [
+    (marble.Solution, "Solution"), (marble.Times, "Times"), (marble.Violations, "Violations"),
+    (marble.Conflict, "Conflict"), (marble.Progress, "Progress"), (marble.ScenarioLevel, "ScenarioLevel"),
+    (marble.OutOfSample, "OutOfSample"), (marble.Coordination, "CoupledOutcome"), (marble.Job, "JobInfo"),
+    (marble.ArrayProgress, "ArrayProgress"), (marble.Trace, "Trace"), (marble.PairSides, "PairSides"),
+    (marble.JobDetails, "GetJobResponse"), (marble.JobPage, "ListJobsResponse"), (marble.JobEvent, "JobEvent"),
+    (marble.Submitted, "SubmitResponse"), (marble.SubmittedArray, "SubmitArrayResponse"),
+    (marble.ServerInfo, "GetInfoResponse")], ids=lambda value: value if isinstance(value, str) else "")
+def test_every_field_of_a_message_has_its_attribute(kind, message):
+    known = {name_in_message(field.name, field.metadata).partition(".")[0] for field in dataclasses.fields(kind)}
+    assert set(contract.descriptor(message).fields_by_name) - known == ELSEWHERE.get(message, set())
+
+
+def test_a_field_that_a_server_does_not_know_takes_its_default():
+    assert answers.solve_response(b"\x12\x02\x08\x01", None).origin is marble.PointOrigin.SOLVE
+    job = records.read(marble.Job, contract.message("JobInfo")(kind=1, state=2, priority=3))
+    assert (job.status, job.error, job.array, job.levels, job.activity) == (None, None, None, (), "")
+    assert (job.incumbent, job.bound, job.gap, job.sizes) == (np.inf, -np.inf, np.inf, (0, 0, 0, 0))
+    assert records.read(marble.Trace, contract.message("Trace")()).stride == 1
 
 
 def test_the_enums_are_those_of_the_contract():

@@ -28,7 +28,7 @@ class Cvxpy(unittest.TestCase):
             for mine, row in zip(ours[3], rows, strict=True):
                 np.testing.assert_allclose(mine, row.dual_value, atol=1e-4)
 
-    def test_the_end_of_a_solve_is_told_in_its_words(self):
+    def test_the_end_of_a_solve_is_reported_in_its_words(self):
         x = cvxpy.Variable()
         self.assertEqual(self.end(cvxpy.Minimize(x), []), "unbounded")
         self.assertEqual(self.end(cvxpy.Minimize(cvxpy.square(x)), [x >= 1, x <= 0]), "infeasible")

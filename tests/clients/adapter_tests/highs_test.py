@@ -84,7 +84,7 @@ class Highs(unittest.TestCase):
             self.assertEqual((problem.n, answer.row_duals.size, problem.negated), (3, 3, False))
             self.assertEqual(problem.compile().c0, 7)
 
-    def test_a_maximum_is_told_as_the_file_has_it(self):
+    def test_a_maximum_is_reported_as_the_file_has_it(self):
         path = self.file("model.lp", LP)
         problem = marble.Problem.load(path)
         self.assertTrue(problem.negated)

@@ -33,9 +33,9 @@ def one_warning_of_almost(test):
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always")
         yield
-    told = [one for one in seen if one.category is marble.AlmostSolved]
-    test.assertEqual(len(told), 1, [str(one.message) for one in seen])
-    test.assertIn("almost solved: ", str(told[0].message))
+    warned = [one for one in seen if one.category is marble.AlmostSolved]
+    test.assertEqual(len(warned), 1, [str(one.message) for one in seen])
+    test.assertIn("almost solved: ", str(warned[0].message))
 
 
 @contextlib.contextmanager

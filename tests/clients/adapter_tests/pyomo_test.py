@@ -249,7 +249,7 @@ class Pyomo(unittest.TestCase):
                     self.assertAlmostEqual(m.dual[m.pair], (values[0] - values[1]) / 2e-4, 4)
 
     def test_disjunctions_become_pairs_and_their_indicators_are_chosen(self):
-        for wish, best, chosen in (((-3, 0.5), 0, "left"), ((2.7, 0.5), 0, "right"), ((0.5, 3.5), 0.25, "up"),
+        for target, best, chosen in (((-3, 0.5), 0, "left"), ((2.7, 0.5), 0, "right"), ((0.5, 3.5), 0.25, "up"),
                                    ((0.1, -4), 0.01, "nested")):
             for solve, proof in ((solver().solve, True), (pyo.SolverFactory("marble").solve, "true")):
                 m = pyo.ConcreteModel()
@@ -268,7 +268,7 @@ class Pyomo(unittest.TestCase):
                 m.away.indicator_var.fix(False)
                 m.one = Disjunction(expr=[m.left, m.right, m.up, m.nested, m.away])
                 m.two = Disjunction(expr=[m.y >= -5, m.x >= 5])
-                m.cost = pyo.Objective(expr=(m.x - wish[0]) ** 2 + (m.y - wish[1]) ** 2)
+                m.cost = pyo.Objective(expr=(m.x - target[0]) ** 2 + (m.y - target[1]) ** 2)
                 pyo.TransformationFactory("marble.pairs").apply_to(m)
                 solve(m, options={"global": proof})
                 with self.subTest(chosen):
@@ -332,7 +332,7 @@ class Pyomo(unittest.TestCase):
         solver().solve(m)
         self.assertAlmostEqual(m.x.value, 5, 6)
 
-    def test_options_limits_and_ends_are_told_in_its_words(self):
+    def test_options_limits_and_ends_are_reported_in_its_words(self):
         m = qpec()
         one = solver(options={"global": True, "gap_tolerance": 1e-3})
         one.solve(m)

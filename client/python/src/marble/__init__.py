@@ -1,11 +1,11 @@
-"""Marble, a solver of quadratic programs with linear complementarity constraints: here, or on a Marble server.
+"""Marble, a solver of quadratic programs with linear complementarity constraints: in process or on a Marble server.
 
     min ½ zᵀQz + gᵀz + c0   s.t.   A z + b = 0,   C z + d ≥ 0,   0 ≤ L z + l ⊥ R z + r ≥ 0
 
 `solve` takes matrices, dense or scipy.sparse; `Problem` builds a problem of two-sided rows, bounds and pairs; `Client`
-keeps a connection, with sessions, batches and jobs; `marble.aio` has the same for asyncio. MARBLE_SERVER names the
-server if nothing else is said. Where it names none, `solve` stays in this process and a `Client` asks 127.0.0.1:50051;
-the address "local" is no server for both.
+keeps a connection, with sessions, batches and jobs; `marble.aio` has the same for asyncio. MARBLE_SERVER is the default
+server. If it is not set, `solve` runs in this process and a `Client` uses 127.0.0.1:50051; the address "local" is this
+process for both.
 """
 
 import importlib
@@ -26,9 +26,9 @@ def _version() -> str:
         raise ImportError(f"{file} is missing: build or install marble-solver, do not import its sources") from None
 
 
-if not TYPE_CHECKING:  # whose names are told above
+if not TYPE_CHECKING:  # the names are declared above
     def __getattr__(name: str) -> Any:
-        """Loads numpy and the rest when something of them is wanted; asyncio, when it is."""
+        """Loads numpy and the rest when a name of the package is first used; asyncio with marble.aio."""
         own = pathlib.Path(__file__).with_name(name)
         if own.is_dir() or own.with_suffix(".py").is_file():
             return importlib.import_module(f"marble.{name}")

@@ -141,7 +141,7 @@ def main(texts: Sequence[str] | None = None) -> int:
         with Client(arguments.server) as client:
             code: int = arguments.run(client, arguments)
             return code
-    except BrokenPipeError:  # whoever reads has seen enough
+    except BrokenPipeError:  # the reader has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _SOLVED
     except InvalidArgument as error:

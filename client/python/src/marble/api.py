@@ -4,6 +4,7 @@ from marble.base.tables import Status
 from marble.calls.array import ArrayAnswer, ArrayItem
 from marble.calls.batch import BatchAnswer, BatchItem
 from marble.calls.jobs import Jobs
+from marble.calls.sensitivity import Sensitivity
 from marble.calls.session import Session
 from marble.calls.session_core import SessionEvent, Superseded
 from marble.calls.shift import Shift, ShiftBlock
@@ -26,7 +27,6 @@ from marble.errors import (
     Unavailable,
     Unsolved,
 )
-from marble.in_process.sensitivity import Sensitivity
 from marble.message.info import Option, ServerInfo
 from marble.message.job import (
     ArrayProgress,
@@ -43,17 +43,17 @@ from marble.message.job import (
     Trace,
 )
 from marble.model.conflict import Conflict
-from marble.model.coupled import Coordination, CoupledAnswer, PiecesAnswer
+from marble.model.coupled import Coordination, CoupledSolution, PiecesSolution
 from marble.model.derivatives import AnswerChange, RowResponse, SensitivityAnswer, SensitivityRequest
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem
 from marble.model.scenarios import (
     OutOfSample,
     Quantity,
-    ScenarioAnswer,
     ScenarioEnd,
     ScenarioLevel,
     Scenarios,
+    ScenarioSolution,
 )
 from marble.model.solution import PointOrigin, Progress, SecondOrder, Solution, Stationarity, Times, Violations
 from marble.model.solution_kind import SolutionKind
@@ -73,7 +73,7 @@ __all__ = [
     "Conflict",
     "ConnectOptions",
     "Coordination",
-    "CoupledAnswer",
+    "CoupledSolution",
     "DeadlineExceeded",
     "Error",
     "FailedPrecondition",
@@ -91,7 +91,7 @@ __all__ = [
     "OutOfSample",
     "PairSides",
     "PermissionDenied",
-    "PiecesAnswer",
+    "PiecesSolution",
     "PointOrigin",
     "Priority",
     "Problem",
@@ -99,7 +99,7 @@ __all__ = [
     "Quantity",
     "Refused",
     "RowResponse",
-    "ScenarioAnswer",
+    "ScenarioSolution",
     "ScenarioEnd",
     "ScenarioLevel",
     "Scenarios",

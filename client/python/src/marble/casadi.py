@@ -180,15 +180,15 @@ class MpccSolver:
         unknown = sorted(set(mpcc) - set(_KEYS))
         if unknown or not {"x", "f"} <= set(mpcc):
             raise InvalidProblem("mpcc", f"must have x and f, and may have {', '.join(_KEYS)}", value=sorted(mpcc))
-        wishes = dict(options or {})
+        given = dict(options or {})
         self.name = name
         x, g = mpcc["x"], mpcc.get("g", casadi.DM(0, 1))
         G, H, self._limits = _with_limits(casadi.vec(x), casadi.vec(g), mpcc.get("G", casadi.DM(0, 1)),
-                                          mpcc.get("H", casadi.DM(0, 1)), wishes.pop("cc_pairs", ()),
-                                          wishes.pop("cc_types", None))
+                                          mpcc.get("H", casadi.DM(0, 1)), given.pop("cc_pairs", ()),
+                                          given.pop("cc_types", None))
         self._forms = _Forms(x, mpcc.get("p"), mpcc["f"], {"g": g, "G": G, "H": H})
         self._m = casadi.vec(g).numel()
-        self._repeated = Repeated(server, wishes)
+        self._repeated = Repeated(server, given)
         self._family: Family | None = None
         self._answer: Solution | None = None
 
@@ -198,7 +198,7 @@ class MpccSolver:
 
         x0: start here; None is the last answer. Returns DM of x, f, g, G, H and of the multipliers lam_x, lam_g, lam_G
         and lam_H, of CasADi's sign: ∇f + lam_x + Σ lam ∇(g, G, H) = 0. What cc_pairs names comes after G and H.
-        stats() tells whether it is solved.
+        stats() has whether it is solved.
         """
         n, m, forms = len(self._forms.variables), self._m, self._forms
         low = np.concatenate([_filled("lbg", lbg, m), _filled("lbx", lbx, n)])

@@ -1,4 +1,4 @@
-"""What can go wrong, as exceptions; and how gRPC's errors become them.
+"""The exceptions of this package, and their making from errors of gRPC and of marble._core.
 
 A solve that ends without being solved is no error: it is a Solution whose status says so.
 """
@@ -9,6 +9,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from marble.base import contract, tables
+from marble.base.fields import SOLUTION_VECTORS
 from marble.base.lazy import lazy
 
 grpc: Any = lazy("grpc")
@@ -18,17 +19,16 @@ if TYPE_CHECKING:
 
 Index = int | tuple[int, int] | None
 
-# What core names otherwise than this package; all else it names by the letters of the equation.
+# Fields that have other names in marble._core; all others have the letters of the equation.
 _OF_CORE = {"initial_z": "z0",
-            "warm_start.equality_multipliers": "warm_start.y", "warm_start.inequality_multipliers": "warm_start.nu",
-            "warm_start.complementarity_multipliers_L": "warm_start.xi",
-            "warm_start.complementarity_multipliers_R": "warm_start.eta"}
+            **{f"warm_start.{field}".replace("_l", "_L").replace("_r", "_R"): f"warm_start.{name}"
+               for name, field in SOLUTION_VECTORS.items() if name != field}}
 # The letters of the equation, and the names of the fields of marble.v1.Problem and marble.v1.ProblemUpdate.
 _LETTERS = {"constant": "c0", "initial_point.z": "z0",
             **{field.replace("_L", "_l").replace("_R", "_r"): name for field, name in _OF_CORE.items()},
             **{field: letter for letter, field in {**tables.VECTORS, **tables.MATRICES}.items()},
             **{field: letter + ".values" for letter, field in tables.VALUES.items()}}
-# The same of what is asked of derivatives, after "sensitivity.".
+# The same of requests for derivatives, after "sensitivity.".
 _OF_SENSITIVITY = {"rows.matrix": "rows", "rows.E": "rows", "rows.proximal": "proximal", "rows.gradient": "g",
                    "rows.g": "g", "directions.numbers": "directions", "losses.weights": "losses"}
 _PARTS = ("c0", "z0", *tables.VECTORS, *tables.MATRICES)
@@ -78,7 +78,7 @@ class InvalidProblem(InvalidArgument):
 
 
 class FailedPrecondition(Error):
-    """The request does not fit the state of things: a job's answer is not there yet, a session is closed."""
+    """The request does not fit the current state: a job has no result yet, a session is closed."""
 
 
 class Refused(Error):
@@ -101,7 +101,7 @@ class PermissionDenied(Error):
 
 
 class NotFound(Error):
-    """No such job: never heard of it, no longer kept, or not the caller's to see."""
+    """No such job: unknown, no longer kept, or not visible to the caller."""
 
 
 class DeadlineExceeded(Error, TimeoutError):
@@ -109,7 +109,7 @@ class DeadlineExceeded(Error, TimeoutError):
 
 
 class Cancelled(Error):
-    """The call was given up, by this side or by whoever cancelled its job."""
+    """The call was given up, by this side or by a client that cancelled its job."""
 
 
 class Aborted(Error):
@@ -190,11 +190,11 @@ def _unpack(details: Any, name: str) -> Any:
 
 
 def _invalid(status: Any) -> InvalidArgument:
-    fault = _unpack(status.details, "marble.v1.Fault")
+    detail = _unpack(status.details, "marble.v1.Fault")
     broken = _unpack(status.details, "google.rpc.BadRequest")
-    if fault is not None:
-        path, index = fault.field, fault.index if fault.HasField("index") else None
-        value, bound = fault.value, fault.bound
+    if detail is not None:
+        path, index = detail.field, detail.index if detail.HasField("index") else None
+        value, bound = detail.value, detail.bound
     elif broken is not None and broken.field_violations:  # of a server that knows no Fault
         path, index = broken.field_violations[0].field, None
         if indexed := re.fullmatch(r"(.*)\[(\d+)\]", path):
@@ -240,11 +240,11 @@ def from_status(status: Any) -> Error:
     return kind(status.message)
 
 
-def _is_too_large(fault: Any) -> bool:
-    """Whether what was refused has more bytes than all may have together: no wait makes room for it."""
-    if fault is None or fault.field not in ("queue_bytes", "client_bytes"):
+def _is_too_large(detail: Any) -> bool:
+    """Whether a refused request has more bytes than all requests may have together: waiting does not help."""
+    if detail is None or detail.field not in ("queue_bytes", "client_bytes"):
         return False
-    asked, most = re.match(r"(\d+) more", fault.value), re.search(r"at most (\d+) bytes", fault.bound)
+    asked, most = re.match(r"(\d+) more", detail.value), re.search(r"at most (\d+) bytes", detail.bound)
     return asked is not None and most is not None and int(asked[1]) > int(most[1])
 
 

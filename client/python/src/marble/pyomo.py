@@ -44,6 +44,7 @@ from marble.errors import AlmostSolved, InvalidArgument, InvalidProblem, Unavail
 from marble.model.conflict import Conflict
 from marble.model.layout import Family, Layout
 from marble.model.lcqp import LCQP, Vector
+from marble.model.problem import without_objective
 from marble.model.pyomo_conditions import OwnVariables
 from marble.model.pyomo_disjunctions import choose
 from marble.model.solution import Solution, warn_if_almost
@@ -342,13 +343,13 @@ class MarblePersistent:
             self.set_instance(model)
         assert self._model is not None
         problem, same = self._model.numbers()
-        wishes = {**self.options, **(options or {}), **({} if timelimit is None else {"time_limit_s": timelimit})}
-        same = same and not fresh and wishes == self._used
+        merged = {**self.options, **(options or {}), **({} if timelimit is None else {"time_limit_s": timelimit})}
+        same = same and not fresh and merged == self._used
         start = None
         if warmstart:
             start = np.zeros(self._model.n)
             start[:len(self._model.variables)] = [0.0 if v.value is None else v.value for v in self._model.variables]
-        self._repeated.options, self._used = dict(wishes), wishes
+        self._repeated.options, self._used = dict(merged), merged
         self.answer = self._repeated.solve(problem, same_pattern=same, z0=start)
         warn_if_almost(self.answer)
         if load_solutions and self.answer.status not in _NO_POINT:
@@ -410,8 +411,7 @@ def explain_infeasible(model: Any, *, server: str | Client | None = None, **opti
     """
     read = _Model(model)
     problem, _ = read.numbers()
-    nearest = problem.replaced(Q=sp.identity(problem.n, format="csc"), g=np.zeros(problem.n), c0=0.0)
-    answer = marble.solve(nearest, server=server, explain=True, **options)
+    answer = marble.solve(without_objective(problem), server=server, explain=True, **options)
     return [] if answer.conflict is None else read.parts_of(answer.conflict)
 
 

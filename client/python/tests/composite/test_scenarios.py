@@ -1,4 +1,4 @@
-"""Client.scenarios: one plan for many worlds."""
+"""Client.scenarios: two-stage problems with scenarios."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ def best(demands) -> float:
     return float((x + 0.05 * x**2 - 3 * sold.mean(axis=1)).min())
 
 
-def test_arrays_of_worlds_give_the_plan_that_is_best_in_the_mean(client):
-    told = []
-    answer = client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, most_scenarios=8, level=told.append)
+def test_arrays_of_scenarios_give_the_plan_that_is_best_in_the_mean(client):
+    levels = []
+    answer = client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, most_scenarios=8, level=levels.append)
     assert answer.end is marble.ScenarioEnd.SAMPLES and answer.status is marble.Status.SOLVED
-    assert [level.scenarios for level in told] == [1, 2, 4, 8] and told == list(answer.levels)
+    assert [level.scenarios for level in levels] == [1, 2, 4, 8] and levels == list(answer.levels)
     assert answer.scenarios == 8 and answer.x.shape == (1,) and answer.recourse.shape == (8, 1)
     assert np.isclose(answer.objective, best(EVEN), atol=1e-6)
     assert np.all(answer.recourse[:, 0] <= np.minimum(answer.x[0], np.ravel(EVEN)) + 1e-9)
     assert answer.solution.z.size == 9 and answer.violations.complementarity <= 1e-6
-    assert told[1].fresh is not None and told[1].fresh.scenarios == 6 and told[3].fresh is None
+    assert levels[1].fresh is not None and levels[1].fresh.scenarios == 6 and levels[3].fresh is None
     assert answer.job_id and client.jobs.get(answer.job_id).job.levels == answer.levels
 
 
-def test_a_callable_is_asked_for_nested_worlds_by_their_numbers(client):
+def test_a_callable_is_asked_for_nested_scenarios_by_their_numbers(client):
     def demand(random: np.random.Generator) -> dict[str, list[float]]:
         return {"l": [random.uniform(0, 10)]}
 
@@ -68,24 +68,24 @@ def test_the_server_draws_quantities_and_ends_when_the_interval_is_small(client)
     assert narrow.objective < answer.objective, "who knows demand better earns more"
 
 
-def test_worlds_may_be_whole_problems_in_a_planner_s_own_terms(client):
-    def world(demand: float) -> marble.Problem:
+def test_scenarios_may_be_whole_problems_in_a_planner_s_own_terms(client):
+    def whole(demand: float) -> marble.Problem:
         problem = marble.Problem(["buy", "sell"])
         problem.minimize([[0.1, 0], [0, 0]], [1.0, -3.0])
         return problem.add_pairs([0, -1], [1, -1], l=[demand])
 
-    answer = client.scenarios(world(5.0), first_stage=["buy"], most_scenarios=4, fresh_scenarios=0,
-                              sampler=lambda random: world(random.uniform(0, 10)))
+    answer = client.scenarios(whole(5.0), first_stage=["buy"], most_scenarios=4, fresh_scenarios=0,
+                              sampler=lambda random: whole(random.uniform(0, 10)))
     assert answer.status is marble.Status.SOLVED and answer.scenarios == 4
 
 
-def test_rows_of_the_plan_alone_that_differ_are_every_world_s_own(client):
+def test_rows_of_the_plan_alone_that_differ_are_every_scenario_s_own(client):
     bounded = marble.LCQP([[0.1, 0], [0, 0]], [1.0, -3.0], L=[0, -1], l=[5.0], R=[1, -1], C=[-1, 0], d=[9.0])
     answer = client.scenarios(bounded, first_stage=[0], sampler={"d": [[3.0], [2.0]]}, most_scenarios=2)
     assert answer.x[0] <= 2 + 1e-9
 
 
-def test_a_world_without_a_plan_is_named(client):
+def test_a_scenario_without_a_plan_is_named(client):
     """x >= 0, y = x + b <= d."""
     base = marble.LCQP(np.eye(2), [-1.0, 0.0], A=[1, -1], C=[[0, -1], [1, 0]], d=[1.0, 0.0])
     answer = client.scenarios(base, first_stage=[0], sampler={"b": [[0.0], [0.5], [5.0], [0.0]]})
@@ -95,8 +95,8 @@ def test_a_world_without_a_plan_is_named(client):
 
 
 def test_scenarios_may_be_submitted_and_asked_for_later(client):
-    wish = marble.Scenarios(first_stage=[0], sampler={"l": EVEN}, most_scenarios=8)
-    there = client.jobs.submit(shop(), scenarios=wish)
+    asked = marble.Scenarios(first_stage=[0], sampler={"l": EVEN}, most_scenarios=8)
+    there = client.jobs.submit(shop(), scenarios=asked)
     answer = client.jobs.scenarios(there.job_id, wait=True)
     assert answer.scenarios == 8 and np.isclose(answer.objective, best(EVEN), atol=1e-6)
     plain = client.jobs.submit(tiny())
@@ -106,19 +106,19 @@ def test_scenarios_may_be_submitted_and_asked_for_later(client):
 
 def test_the_client_for_asyncio_has_the_same(server):
     async def ask():
-        told = []
+        levels = []
         async with marble.aio.Client(server.address) as client:
-            answer = await client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, level=told.append)
+            answer = await client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, level=levels.append)
             there = await client.jobs.submit(
                 shop(), scenarios=marble.Scenarios(first_stage=[0], sampler={"l": EVEN}))
-            return answer, told, await client.jobs.scenarios(there.job_id, wait=True)
+            return answer, levels, await client.jobs.scenarios(there.job_id, wait=True)
 
-    answer, told, later = asyncio.run(ask())
-    assert told == list(answer.levels) and answer.scenarios == 8
+    answer, levels, later = asyncio.run(ask())
+    assert levels == list(answer.levels) and answer.scenarios == 8
     np.testing.assert_array_equal(later.solution.z, answer.solution.z)
 
 
-@pytest.mark.parametrize(("field", "wish"), [
+@pytest.mark.parametrize(("field", "asked"), [
     ("first_stage", {"first_stage": []}),
     ("first_stage", {"first_stage": [1, 0]}),
     ("sampler", {"sampler": {}}),
@@ -133,42 +133,42 @@ def test_the_client_for_asyncio_has_the_same(server):
     ("scenarios.most_scenarios", {"most_scenarios": 0}),
     ("scenarios.sampler.quantities[0].scale", {"sampler": [marble.Quantity({"l": [1.0]}, scale=-1.0)]}),
 ])
-def test_wishes_that_break_a_rule_are_named(client, field, wish):
+def test_requests_that_break_a_rule_are_named(client, field, asked):
     for one in (client, marble.Client("local")):
         with pytest.raises(marble.InvalidArgument) as caught:
-            one.scenarios(shop(), **{"first_stage": [0], "sampler": {"l": EVEN}, **wish})
+            one.scenarios(shop(), **{"first_stage": [0], "sampler": {"l": EVEN}, **asked})
         assert caught.value.field == field
 
 
-def test_more_worlds_than_the_server_allows_are_refused(start_server):
+def test_more_scenarios_than_the_server_allows_are_refused(start_server):
     with marble.Client(start_server("--scenarios", "20").address) as client:
         with pytest.raises(marble.Refused, match="at most 20"):
             client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN})
         assert client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, most_scenarios=4).scenarios == 4
 
 
-@pytest.mark.parametrize("wish", [
+@pytest.mark.parametrize("asked", [
     {"sampler": {"l": EVEN}, "weights": np.arange(1.0, 9.0)},
     {"sampler": lambda random: {"l": [random.uniform(0, 10)]}, "seed": 3, "most_scenarios": 8},
     {"sampler": [marble.Quantity({"l": [1.0], "g": [0.0, 0.1]}, "lognormal", location=1.0, most=9.0)], "seed": 2**63,
      "most_scenarios": 8},
     {"sampler": {"d": [[3.0], [2.0]]}},
 ])
-def test_without_a_server_they_have_the_same_bits(client, wish):
+def test_without_a_server_they_have_the_same_bits(client, asked):
     base = marble.LCQP([[0.1, 0], [0, 0]], [1.0, -3.0], L=[0, -1], l=[5.0], R=[1, -1], C=[-1, 0], d=[9.0])
-    there = client.scenarios(base, first_stage=[0], **wish)
-    told: list[marble.ScenarioLevel] = []
+    there = client.scenarios(base, first_stage=[0], **asked)
+    levels: list[marble.ScenarioLevel] = []
     rows: list[marble.Progress] = []
-    here = marble.Client("local").scenarios(base, first_stage=[0], level=told.append, progress=rows.append, **wish)
+    here = marble.Client("local").scenarios(base, first_stage=[0], level=levels.append, progress=rows.append, **asked)
     np.testing.assert_array_equal(here.solution.z, there.solution.z)
     np.testing.assert_array_equal(here.recourse, there.recourse)
     np.testing.assert_array_equal(here.solution.nu, there.solution.nu)
     assert (here.end, here.status, here.objective) == (there.end, there.status, there.objective)
-    assert told == list(here.levels) and rows
-    assert [one.fresh and one.fresh.mean for one in told] == [one.fresh and one.fresh.mean for one in there.levels]
+    assert levels == list(here.levels) and rows
+    assert [one.fresh and one.fresh.mean for one in levels] == [one.fresh and one.fresh.mean for one in there.levels]
 
 
-def test_without_a_server_a_world_without_a_plan_is_named_and_what_is_wrong_too():
+def test_without_a_server_a_scenario_without_a_plan_is_named_and_what_is_wrong_too():
     local = marble.Client("local")
     base = marble.LCQP(np.eye(2), [-1.0, 0.0], A=[1, -1], C=[[0, -1], [1, 0]], d=[1.0, 0.0])
     answer = local.scenarios(base, first_stage=[0], sampler={"b": [[0.0], [0.5], [5.0], [0.0]]})
@@ -184,11 +184,11 @@ def test_without_a_server_a_world_without_a_plan_is_named_and_what_is_wrong_too(
     late = local.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, options={"time_limit_s": 0.0})
     assert late.end is marble.ScenarioEnd.TIME_LIMIT and late.scenarios == 0 and late.x.size == 0
 
-    async def ask() -> marble.ScenarioAnswer:
-        told: list[marble.ScenarioLevel] = []
+    async def ask() -> marble.ScenarioSolution:
+        levels: list[marble.ScenarioLevel] = []
         async with marble.aio.Client("local") as client:
-            answer = await client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, level=told.append)
-            assert told == list(answer.levels)
+            answer = await client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, level=levels.append)
+            assert levels == list(answer.levels)
             with pytest.raises(ZeroDivisionError):
                 await client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, progress=stop)
             return answer

@@ -38,7 +38,7 @@ def same(a: marble.SensitivityAnswer, b: marble.SensitivityAnswer) -> None:
 PROBLEM = random_problem(3)
 
 
-def test_every_call_that_solves_tells_the_bits_of_a_solve_in_process(client):
+def test_every_call_that_solves_gives_the_bits_of_a_solve_in_process(client):
     request = asked(PROBLEM)
     here = marble.solve(PROBLEM, server="local", sensitivity=request).sensitivity
     assert here.changes["z"].shape == (2, PROBLEM.n) and here.gradients["R"].shape == (1, PROBLEM.R.nnz)
@@ -71,16 +71,16 @@ def test_they_are_those_of_sensitivity_which_is_asked_later():
     request = asked(PROBLEM)
     answer = marble.solve(PROBLEM, server="local", sensitivity=request)
     later = marble.Sensitivity(answer)
-    told = answer.sensitivity
-    assert told.smooth and later.smooth
+    derivatives = answer.sensitivity
+    assert derivatives.smooth and later.smooth
     for k, direction in enumerate(request.directions):
-        change = later.along(**direction)
-        for name, values in told.changes.items():
+        change = later.jvp(**direction)
+        for name, values in derivatives.changes.items():
             np.testing.assert_allclose(values[k], getattr(change, name), rtol=1e-8, atol=1e-9)
-    for name, values in later.gradient(**request.losses[0]).items():
-        np.testing.assert_allclose(told.gradients[name][0], values, rtol=1e-8, atol=1e-9)
+    for name, values in later.vjp(**request.losses[0]).items():
+        np.testing.assert_allclose(derivatives.gradients[name][0], values, rtol=1e-8, atol=1e-9)
     response = later.rows(request.rows, columns=True)
-    np.testing.assert_allclose(told.rows.response, response.response, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(derivatives.rows.response, response.response, rtol=1e-8, atol=1e-9)
     np.testing.assert_allclose(response.values, request.rows @ answer.z)
 
 
@@ -114,15 +114,15 @@ def test_without_a_proximal_term_the_response_is_of_the_problem_without_it():
 def test_what_is_only_just_active_is_named_and_each_direction_says_whether_it_holds(client):
     corner = marble.LCQP(2 * np.eye(2), [0, 0], L=[1, 0], R=[0, 1])
     request = marble.SensitivityRequest(directions=[{"g": [-1, 1]}, {"g": [1, -1]}])
-    told = client.solve(corner, sensitivity=request).sensitivity
-    assert not told.smooth and told.biactive_pairs.tolist() == [0]
-    assert sorted(told.holds.tolist()) == [False, True]
+    derivatives = client.solve(corner, sensitivity=request).sensitivity
+    assert not derivatives.smooth and derivatives.biactive_pairs.tolist() == [0]
+    assert sorted(derivatives.holds.tolist()) == [False, True]
     flat = marble.LCQP([[2.0, 0.0], [0.0, 0.0]], [0.0, 0.0])
-    told = client.solve(flat, sensitivity=marble.SensitivityRequest(directions=[{"g": [0, 1]}, {"g": [1, 0]}],
+    derivatives = client.solve(flat, sensitivity=marble.SensitivityRequest(directions=[{"g": [0, 1]}, {"g": [1, 0]}],
                                                                     rows=[0.0, 1.0])).sensitivity
-    assert told.missing_changes.tolist() == [0] and np.isnan(told.changes["z"][0]).all()
-    assert told.changes["z"][1, 0] == pytest.approx(-0.5)
-    assert told.rows is None and "flat" in str(told.rows_error)
+    assert derivatives.missing_changes.tolist() == [0] and np.isnan(derivatives.changes["z"][0]).all()
+    assert derivatives.changes["z"][1, 0] == pytest.approx(-0.5)
+    assert derivatives.rows is None and "flat" in str(derivatives.rows_error)
 
 
 def test_an_answer_that_is_not_solved_says_so_and_the_call_is_none_the_worse(client):

@@ -68,7 +68,7 @@ def test_reading_goes_on_where_it_was_left(client):
     assert list(client.jobs.array(array.job_id, after=60)) == []
 
 
-def test_what_is_wrong_is_told_with_its_element(client):
+def test_errors_name_their_element(client):
     with pytest.raises(marble.InvalidProblem) as caught:
         client.jobs.submit_array([{}, {"g": [1.0]}], base=tiny())
     assert caught.value.field == "elements[1].g"

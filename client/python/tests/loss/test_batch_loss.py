@@ -16,10 +16,10 @@ import marble
 COUNT = 300
 
 
-def _plain(address, problems, told, **more):
+def _plain(address, problems, received, **more):
     with marble.Client(address, **more) as client:
         for answer in client.batch(problems):
-            told(answer)
+            received(answer)
 
 
 async def _on_a_thread(problems):
@@ -28,11 +28,11 @@ async def _on_a_thread(problems):
         yield problem
 
 
-def _asynchronous(address, problems, told, **more):
+def _asynchronous(address, problems, received, **more):
     async def scenario():
         async with marble.aio.Client(address, **more) as client:
             async for answer in client.batch(_on_a_thread(problems)):
-                told(answer)
+                received(answer)
                 await asyncio.sleep(0)
 
     asyncio.run(scenario())

@@ -37,8 +37,8 @@ def test_calls_wait_for_a_server_that_is_started_again(start_server, pool):
         absence.wait(3)
         absence.end()
         start_server(listen=server.address)
-        solved, info, told, job = (call.result(60) for call in calls)
-        assert solved.solved and info.workers and told.solved and rows
+        solved, info, streamed, job = (call.result(60) for call in calls)
+        assert solved.solved and info.workers and streamed.solved and rows
         assert client.jobs.result(job.job_id, wait=True).solved
 
 
@@ -55,8 +55,8 @@ def test_asynchronous_calls_wait_for_it_too(start_server):
             await asyncio.to_thread(absence.wait, 3)
             absence.end()
             await asyncio.to_thread(start_server, listen=server.address)
-            solved, _, _, told = await calls
-            assert solved.solved and told.solved
+            solved, _, _, streamed = await calls
+            assert solved.solved and streamed.solved
 
     asyncio.run(asyncio.wait_for(scenario(), 120))
 
@@ -119,7 +119,7 @@ def test_no_call_waits_beyond_its_deadline_or_without_patience(start_server):
     assert time.monotonic() - begun < 8  # of the 10 s that calls wait else
 
 
-def test_a_wrong_address_is_told_at_once(start_server):
+def test_a_wrong_address_is_reported_at_once(start_server):
     server = start_server()
     server.kill()
     begun = time.monotonic()

@@ -75,7 +75,7 @@ def test_pings_that_are_permitted_end_nothing(start_server):
 
 @pytest.mark.parametrize(("keepalive", "silence", "answer"), [
     (None, 30_000, 15_000), ("control", 10_000, 1_000), (0.5, 500, 250)])
-def test_a_channel_pings_as_it_is_told(keepalive, silence, answer):
+def test_a_channel_pings_as_it_is_configured(keepalive, silence, answer):
     options = dict(connect.target("127.0.0.1:1", connect.ConnectOptions.from_environment(keepalive=keepalive)).options)
     assert (options["grpc.keepalive_time_ms"], options["grpc.keepalive_timeout_ms"]) == (silence, answer)
 

@@ -186,14 +186,14 @@ def test_it_tries_again_after_its_time_to_wait(open_session, start_server):
     start_server(listen=server.address)
     events = []
 
-    def told():
+    def is_reported():
         try:
             events.append(session.next())
         except marble.Unavailable:
             return False
         return True
 
-    assert wait_until(told)
+    assert wait_until(is_reported)
     assert events[0].sequence == number and events[0].outcome.objective == pytest.approx(3.0)
 
 

@@ -75,7 +75,7 @@ def test_what_has_settings_of_its_own_takes_options_beside_them(either):
     ("max_iter", "max_iterations"), ("maxIterations", "max_iterations"), ("time_limit", "time_limit_s"),
     ("timeout", "deadline or time_limit_s"), ("prioritys", "priority"), ("verbose", "progress"),
     ("tol", "equality_tolerance"), ("gap_tol", "gap_tolerance")])
-def test_a_name_that_is_no_option_is_told_with_what_was_meant(given, meant):
+def test_a_name_that_is_no_option_is_reported_with_what_was_meant(given, meant):
     said = _said(**{given: 3})
     assert said.startswith(f"{given}: is no option; did you mean ")
     assert meant in said

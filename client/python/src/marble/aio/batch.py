@@ -8,10 +8,10 @@ from collections.abc import AsyncGenerator, AsyncIterable, AsyncIterator, Iterab
 from typing import Any
 
 from marble import errors
-from marble.aio.rpc import AioRpc
 from marble.base.lazy import lazy
 from marble.calls.batch import BatchAnswer, BatchCore, BatchItem
 from marble.connection.patience import Tries
+from marble.connection.rpc import Calls
 from marble.errors import Error, Unavailable
 from marble.message.requests import Call
 from marble.model.lcqp import LCQP
@@ -21,7 +21,8 @@ grpc: Any = lazy("grpc")
 Source = Iterable[LCQP | Problem | BatchItem] | AsyncIterable[LCQP | Problem | BatchItem]
 
 
-async def _each(problems: Source) -> AsyncIterator[LCQP | Problem | BatchItem]:
+async def each(problems: Source) -> AsyncIterator[LCQP | Problem | BatchItem]:
+    """The problems one by one."""
     if isinstance(problems, AsyncIterable):
         async for item in problems:
             yield item
@@ -33,14 +34,14 @@ async def _each(problems: Source) -> AsyncIterator[LCQP | Problem | BatchItem]:
 class Batch:
     """One task reads the source, for all streams; another one writes to each."""
 
-    def __init__(self, rpc: AioRpc, problems: Source, call: Call) -> None:
-        self._rpc, self._source, self._core = rpc, _each(problems), BatchCore(call)
+    def __init__(self, rpc: Calls, problems: Source, call: Call) -> None:
+        self._rpc, self._source, self._core = rpc, each(problems), BatchCore(call)
         self._changed, self._wanted = asyncio.Event(), asyncio.Event()
         self._failure: BaseException | None = None  # of the source
         self._stream: Any = None
 
     async def answers(self) -> AsyncGenerator[BatchAnswer, None]:
-        """Each problem's once, as they come."""
+        """One result for each problem, as they are computed."""
         tries = Tries(self._rpc.patience)
         reader = asyncio.ensure_future(self._read_source())
         try:
@@ -86,7 +87,7 @@ class Batch:
             stream.cancel()
 
     async def _write(self, stream: Any) -> None:
-        with contextlib.suppress(grpc.RpcError, asyncio.InvalidStateError):  # the reader learns why
+        with contextlib.suppress(grpc.RpcError, asyncio.InvalidStateError):  # the reader gets the reason
             while not self._core.done:
                 self._changed.clear()
                 message, seconds = self._core.due()

@@ -4,34 +4,32 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
-from numpy.typing import ArrayLike
-
 from marble import errors
-from marble.aio.rpc import AioRpc
+from marble.aio.awaited import awaited
 from marble.base.lazy import lazy
-from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, answer_of, first_refused
-from marble.calls.shift import Shift
+from marble.calls import session
+from marble.calls.session_core import SessionCore, SessionEvent, SessionInfo, answer_of, first_refused
 from marble.connection.patience import Tries
+from marble.connection.rpc import Calls
 from marble.errors import Cancelled, Error, FailedPrecondition, Unavailable
 from marble.message.requests import Call
-from marble.model.derivatives import SensitivityRequest
-from marble.model.lcqp import LCQP, MatrixLike
+from marble.model.lcqp import LCQP
 from marble.model.problem import Problem
 from marble.model.solution import Progress, Solution
 
 grpc: Any = lazy("grpc")
 
 
-class Session(SessionFacts):
+class Session(SessionInfo):
     """As marble.Session, awaited; from marble.aio.Client.session, set up by `async with`.
 
     One task may send while another one waits in next(); else one at a time.
     """
 
-    def __init__(self, rpc: AioRpc, problem: LCQP | Problem, call: Call, latest_only: bool,
+    def __init__(self, rpc: Calls, problem: LCQP | Problem, call: Call, latest_only: bool,
                  progress: Callable[[int, Progress], object] | None, reopen: bool) -> None:
         self._core = SessionCore(problem, progress, reopen)
         self._first = self._core.set_up(call, latest_only)
@@ -74,7 +72,7 @@ class Session(SessionFacts):
         try:
             await stream.write(message)
         except (grpc.RpcError, asyncio.InvalidStateError):
-            pass  # the reader learns why
+            pass  # the reader gets the reason
 
     async def _event(self, stream: Any) -> SessionEvent | None:
         """The next outcome, or None at the stream's end, or once all is set up."""
@@ -111,7 +109,7 @@ class Session(SessionFacts):
         return None
 
     async def _reopen(self, error: Unavailable, tries: Tries) -> None:
-        """At once, as there may be another server; then after pauses."""
+        """At once, as there may be another server; then repeatedly after pauses."""
         self._stream.cancel()
         if self._again is not None:
             self._again.cancel()
@@ -132,7 +130,7 @@ class Session(SessionFacts):
             raise
         await self._writing.acquire()
         self._stream = stream
-        # A task, as the server may take the last of them once answers to the first are read. Others send after it.
+        # A task, as the server may take the last ones only once results of the first are read. Others send after it.
         self._again = asyncio.ensure_future(self._send_again(stream, self._core.again()))
         if self._core.ended:
             self.cancel()
@@ -160,30 +158,22 @@ class Session(SessionFacts):
             return sequence
 
     async def prepare(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
-        """Sends the first part of an update ahead of what is not known yet; see marble.Session.prepare."""
+        """Sends the preparation phase of an update; see marble.Session.prepare."""
         number = await self.send(problem, first_part=True, **changes)
         self._first_parts.append(number)
         return number
 
     async def next(self) -> SessionEvent | None:
-        """Waits for what comes of the next of the updates sent; None after close() and the last."""
+        """Waits for the next result of an update; None after close() and the last one."""
         async with self._reading:
             if self._unread:
                 return self._unread.pop(min(self._unread))
             return await self._read()
 
-    async def update(self, problem: LCQP | Problem | None = None, *, g: ArrayLike | None = None,
-                     b: ArrayLike | None = None, d: ArrayLike | None = None, l: ArrayLike | None = None,
-                     r: ArrayLike | None = None, c0: float | None = None, Q: MatrixLike | None = None,
-                     A: MatrixLike | None = None, C: MatrixLike | None = None, L: MatrixLike | None = None,
-                     R: MatrixLike | None = None, options: Mapping[str, Any] | None = None,
-                     z0: ArrayLike | None = None, cold: bool = False, shift: Shift | int | None = None,
-                     deadline: float | None = None,
-                     sensitivity: SensitivityRequest | None = None, **more_options: Any) -> Solution:
-        """Sends what has changed, and waits for the answer; see marble.Session.update."""
-        sequence = await self.send(problem, g=g, b=b, d=d, l=l, r=r, c0=c0, Q=Q, A=A, C=C, L=L, R=R, options=options,
-                                   z0=z0, cold=cold, shift=shift, deadline=deadline, sensitivity=sensitivity,
-                                   **more_options)
+    update = awaited(session.Session.update)
+
+    async def _update(self, problem: LCQP | Problem | None, *, deadline: float | None, **changes: Any) -> Solution:
+        sequence = await self.send(problem, deadline=deadline, **changes)
         tries = Tries(self._rpc.patience, deadline)
         async with self._reading:
             while sequence not in self._unread:
@@ -199,23 +189,23 @@ class Session(SessionFacts):
             return answer_of(first_refused(self._unread, self._first_parts, sequence) or event)
 
     async def close(self) -> None:
-        """Ends the session once everything is answered, and waits for that."""
+        """Ends the session once every update has a result, and waits for that."""
         if self._stream is None or self._core.ended:
             return
         async with self._writing:
             self._core.ended = True
-            with contextlib.suppress(grpc.RpcError, asyncio.InvalidStateError):  # the reader learns why
+            with contextlib.suppress(grpc.RpcError, asyncio.InvalidStateError):  # the reader gets the reason
                 await self._stream.done_writing()
         try:
             async with self._reading:
                 while await self._read() is not None:
                     pass
-        except Unavailable:  # of one that is reopened, everything that was waited for is answered
+        except Unavailable:  # a reopened session has all results that anyone waited for
             if not self._core.reopen:
                 raise
 
     def cancel(self) -> None:
-        """Gives the session up, with all that is under way."""
+        """Ends the session at once, and cancels what is under way."""
         self._core.ended = True
         if self._stream is not None:
             self._stream.cancel()

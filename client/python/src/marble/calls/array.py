@@ -1,4 +1,4 @@
-"""Arrays: many problems as one job. What is sent and what comes back, whoever moves the messages."""
+"""Arrays: many problems as one job."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from marble.calls.batch import Answered
 from marble.calls.changes import changes_of, update_encoder
 from marble.errors import InvalidArgument
 from marble.message import answers, requests, wire
+from marble.message.request import Stream
 from marble.message.requests import Call
 from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP
@@ -80,24 +81,27 @@ def _element(item: ArrayItem, base: LCQP | None) -> bytes:
     return requests.array_element(None, update, base, call)
 
 
-class ArrayReader:
-    """What was received; does no input or output."""
+class ArrayResults(Stream[ArrayAnswer]):
+    """The results of an array after the one of sequence number `after`."""
+
+    method, resumes = "Jobs/ArrayResults", True
 
     def __init__(self, job_id: str, after: int, problems: Sequence[LCQP | Problem] | None) -> None:
         self._job_id, self._after, self._problems = job_id, after, problems
 
-    def request(self) -> bytes:
-        """An ArrayResultsRequest for what was not."""
+    def encode(self) -> bytes:
+        """See Stream."""
         return requests.job("ArrayResultsRequest", self._job_id, after=self._after)
 
-    def answer(self, data: bytes) -> ArrayAnswer:
-        """One more."""
+    def read(self, data: bytes) -> Iterable[ArrayAnswer]:
+        """See Stream."""
         message, arrays = wire.decode("ArrayResultsResponse", data)
         self._after = message.sequence
         index = message.index
         if message.WhichOneof("outcome") == "error":
-            return ArrayAnswer(index, message.sequence, None, errors.from_status(message.error))
+            return (ArrayAnswer(index, message.sequence, None, errors.from_status(message.error)),)
         problem = None if self._problems is None else self._problems[index]
-        solution = answers.element(message, arrays, None if problem is None else compiled(problem))
-        return ArrayAnswer(index, message.sequence,
-                           solution if problem is None else in_terms_of(problem, solution), None)
+        solution = answers.solution(message.result.solution, arrays, "result.solution.",
+                                    None if problem is None else compiled(problem), message.result.job_id)
+        return (ArrayAnswer(index, message.sequence,
+                            solution if problem is None else in_terms_of(problem, solution), None),)

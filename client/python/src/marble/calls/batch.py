@@ -148,10 +148,13 @@ class BatchCore:
         return answer
 
     def _message(self, number: int, item: BatchItem, lcqp: LCQP) -> bytes:
-        call = dataclasses.replace(self._call, request_id=item.request_id, sensitivity=item.sensitivity)
-        if item.options is not None:
-            call = dataclasses.replace(call, options=item.options)
-        return requests.batch(number, lcqp, call)
+        return requests.batch(number, lcqp, item_call(self._call, item))
+
+
+def item_call(call: Call, item: BatchItem) -> Call:
+    """What accompanies one problem of a batch."""
+    return dataclasses.replace(call, request_id=item.request_id, sensitivity=item.sensitivity,
+                               options=call.options if item.options is None else item.options)
 
 
 def _pause_after(error: Error) -> float | None:
@@ -173,7 +176,7 @@ class Batch:
         self._failure: BaseException | None = None  # of the source
 
     def answers(self) -> Iterator[BatchAnswer]:
-        """Each problem's once, as they come."""
+        """One result for each problem, as they are computed."""
         tries = Tries(self._rpc.patience)
         try:
             while True:

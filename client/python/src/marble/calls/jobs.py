@@ -1,74 +1,103 @@
-"""Jobs by their ids: submitted ones, which outlive the connection, and all others for those who look."""
+"""Jobs by their ids: submitted ones, which outlive the connection, and all others that the caller may see."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar
 
 from numpy.typing import ArrayLike
 
-from marble import errors
-from marble.base.lazy import lazy
-from marble.calls.array import ArrayAnswer, ArrayItem, ArrayReader, submission_of
-from marble.connection.rpc import Rpc
-from marble.message import answers, requests
-from marble.message import coupled as tied
-from marble.message import scenarios as worlds
+from marble.calls.array import ArrayAnswer, ArrayItem, ArrayResults, submission_of
+from marble.message import answers, coupled, requests
+from marble.message import scenarios as two_stage
 from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted, SubmittedArray
+from marble.message.request import Message, Stream, Unary
 from marble.message.requests import Call
-from marble.model.coupled import Coupled, CoupledAnswer, Pieces, PiecesAnswer
+from marble.model.coupled import Coupled, CoupledSolution, Pieces, PiecesSolution
 from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem, compiled, in_terms_of
-from marble.model.scenarios import ScenarioAnswer, Scenarios
+from marble.model.scenarios import Scenarios, ScenarioSolution
 from marble.model.solution import Solution
 
-grpc: Any = lazy("grpc")
+Result = TypeVar("Result")
+_SUBMITTED = answers.reads(Submitted, "SubmitResponse")
 
 
-class Jobs:
-    """The jobs of a server. NotFound: never heard of it, no longer kept, or not the caller's to see."""
+class JobEvents(Stream[JobEvent]):
+    """The events of one job, or of all without an id."""
 
-    def __init__(self, rpc: Rpc) -> None:
-        self._rpc = rpc
+    method = "Jobs/Watch"
 
-    def submit(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
+    def __init__(self, job_id: str, progress_interval: float) -> None:
+        self._message = requests.job("WatchJobsRequest", job_id, progress_interval_s=progress_interval)
+
+    def encode(self) -> bytes:
+        """See Stream."""
+        return self._message
+
+    def read(self, data: bytes) -> Iterable[JobEvent]:
+        """See Stream."""
+        return answers.job_events(data)
+
+
+class OnTransport:
+    """Calls that only a server has, over a transport of marble or of marble.aio."""
+
+    def __init__(self, transport: Any) -> None:
+        self._transport = transport
+
+    def _call(self, method: str, message: Message, read: Callable[[bytes], Result],
+              deadline: float | None = None) -> Result:
+        result: Result = self._transport.run(Unary(method, message, read), deadline)
+        return result
+
+    def _of_job(self, method: str, kind: str, job_id: str, read: Callable[[bytes], Result],
+                deadline: float | None = None, **fields: Any) -> Result:
+        return self._call(method, requests.job(kind, job_id, **fields), read, deadline)
+
+
+class Jobs(OnTransport):
+    """The jobs of a server. NotFound: unknown, no longer kept, or not visible to the caller."""
+
+    def submit(self, /, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                priority: Priority | str | None = None, request_id: str = "", deadline: float | None = None,
                scenarios: Scenarios | None = None, sensitivity: SensitivityRequest | None = None,
                **more_options: Any) -> Submitted:
         """Queues a job that outlives this process.
 
-        deadline: of the submission alone, seconds. Where the server has no room for another job, it is asked again
-        after the time that it names, until there is some, or until the deadline would pass first: then Refused is
+        deadline: of the submission alone, seconds. If the server is full, the submission is
+        repeated after the time that it names, until it is accepted or the deadline would pass first: then Refused is
         raised.
-        scenarios: makes it one plan for many worlds, of which `problem` is the base; scenarios() has its answer.
-        request_id: one of the caller's, by which the same submission made again is the same job; a random one without.
+        scenarios: makes it a two-stage problem with scenarios, of which `problem` is the base; see scenarios().
+        request_id: a submission that is repeated with the same id is the same job; without one a random id is used.
         sensitivity: as in Client.solve.
         """
-        options = requests.wishes(options, more_options)
+        options = requests.merged(options, more_options)
         call = Call(options, priority, request_id, sensitivity=sensitivity)
-        return answers.submitted(self._rpc.call("Jobs/Submit", submission(problem, call, scenarios), deadline))
+        parts = {} if scenarios is None else {"scenarios": two_stage.encoder(problem, scenarios)}
+        return self._call("Jobs/Submit", requests.submission(compiled(problem), call, **parts), _SUBMITTED,
+                          deadline)
 
-    def submit_coupled(self, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None],
+    def submit_coupled(self, /, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None],
                        total: ArrayLike, *, prices: ArrayLike | None = None,
                        options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
                        request_id: str = "", deadline: float | None = None, problem_name: str = "",
                        **settings: Any) -> Submitted:
-        """Queues problems that rows tie together: all as in Client.coupled and submit. coupled() has the answer."""
-        settings, options = tied.split(settings, options)
-        part = tied.blocks(Coupled(blocks, coupling, total, prices), settings)
-        request = requests.coupled_submission(problem_name, Call(options, priority, request_id), part)
-        return answers.submitted(self._rpc.call("Jobs/Submit", request, deadline))
+        """Queues problems coupled by rows, as Client.coupled and submit take them; coupled() returns the solution."""
+        settings, options = coupled.split(settings, options)
+        part = coupled.blocks_encoder(Coupled(blocks, coupling, total, prices), settings)
+        request = requests.submission(problem_name, Call(options, priority, request_id), coupled=part)
+        return self._call("Jobs/Submit", request, _SUBMITTED, deadline)
 
-    def submit_pieces(self, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, look_ahead: int = -1,
+    def submit_pieces(self, /, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, look_ahead: int = -1,
                       options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
                       request_id: str = "", deadline: float | None = None, **settings: Any) -> Submitted:
-        """The same of one long problem in pieces; all as in Client.pieces. pieces() has the answer."""
-        settings, options = tied.split(settings, options)
-        part = tied.pieces(problem, Pieces(stages, pieces, look_ahead), settings)
-        request = requests.coupled_submission(compiled(problem), Call(options, priority, request_id), part)
-        return answers.submitted(self._rpc.call("Jobs/Submit", request, deadline))
+        """Queues one long problem in pieces, as Client.pieces takes it; pieces() returns the solution."""
+        settings, options = coupled.split(settings, options)
+        part = coupled.pieces_encoder(problem, Pieces(stages, pieces, look_ahead), settings)
+        request = requests.submission(compiled(problem), Call(options, priority, request_id), coupled=part)
+        return self._call("Jobs/Submit", request, _SUBMITTED, deadline)
 
     def submit_array(self, elements: Iterable[LCQP | Problem | Mapping[str, Any] | ArrayItem], *,
                      base: LCQP | Problem | None = None, options: Mapping[str, Any] | None = None,
@@ -79,67 +108,53 @@ class Jobs:
         elements: problems, or new numbers for `base` by the letters of the equation, {"g": …, "A": …}, as in
         Session.update; ArrayItem for options of one's own. All are encoded before the first is sent.
         options, priority: of all elements; batch, if no priority is given. name: for the server's log and page.
-        deadline, request_id: as in submit; room is waited for alike.
-        array() tells the answers.
+        deadline, request_id: as in submit. array() yields the results.
         """
         call = Call(options, priority, request_id)
         messages = submission_of(elements, None if base is None else compiled(base), name, call)
-        data = self._rpc.repeated(
-            self._rpc.tries("Jobs/SubmitArray", deadline),
-            lambda seconds: self._rpc.result(self._rpc.upload("Jobs/SubmitArray", iter(messages), seconds)))
-        return answers.submitted_array(data)
+        return self._call("Jobs/SubmitArray", messages, answers.reads(SubmittedArray, "SubmitArrayResponse"), deadline)
 
     def array(self, job_id: str, *, after: int = 0,
               problems: Sequence[LCQP | Problem] | None = None) -> Iterator[ArrayAnswer]:
-        """Yields the answers of an array, each once: those that are there, and each of the others as it comes.
+        """Yields the results of an array, each once: those that exist, then each of the others as it is computed.
 
-        A connection that is lost meanwhile is made again. Raises what the array ended with, if that was before all its
-        elements had an answer.
-        after: the `sequence` of the last answer that was received before, to go on there in another process.
-        problems: what was submitted, for the answers' s and t and their own terms.
+        A lost connection is restored. Raises the error that the array ended with, if it ended before all its elements.
+        after: the `sequence` of the last result received before, to continue in another process. problems: what was
+        submitted, for the solutions' s and t and their own terms.
         """
-        reader = ArrayReader(job_id, after, problems)
-        tries = self._rpc.tries("Jobs/ArrayResults", math.inf)
-        while True:
-            tries.left()
-            stream = self._rpc.stream("Jobs/ArrayResults", reader.request())
-            try:
-                for data in stream:
-                    tries.reached()
-                    yield reader.answer(data)
-                return
-            except grpc.RpcError as error:
-                lost = errors.from_rpc(error)
-            finally:
-                stream.cancel()
-            self._rpc.pause(tries.pause(lost))
+        results: Iterator[ArrayAnswer] = self._transport.stream(ArrayResults(job_id, after, problems))
+        return results
 
     def result(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
                problem: LCQP | Problem | None = None) -> Solution:
-        """The answer of a submitted job; raises what it ended with if there is none.
+        """The solution of a submitted job; raises the error that it ended with if there is none.
 
-        wait: until it is there, at most `deadline` seconds; else FailedPrecondition if the job has not finished.
-        problem: what was submitted, for the answer's s and t and its own terms.
+        wait: for its end, at most `deadline` seconds; else FailedPrecondition if the job has not finished. problem:
+        what was submitted, for the solution's s and t and its own terms.
         """
-        request = requests.job("JobResultRequest", job_id, wait=wait)
-        return result_of(self._rpc.call("Jobs/Result", request, deadline), problem)
+        known = None if problem is None else compiled(problem)
 
-    def scenarios(self, job_id: str, *, wait: bool = False, deadline: float | None = None) -> ScenarioAnswer:
-        """The same of a job that was submitted with scenarios."""
-        request = requests.job("JobResultRequest", job_id, wait=wait)
-        return worlds.response(self._rpc.call("Jobs/Result", request, deadline))
+        def read(data: bytes) -> Solution:
+            solution = answers.solve_response(data, known)
+            return solution if problem is None else in_terms_of(problem, solution)
+
+        return self._of_job("Jobs/Result", "JobResultRequest", job_id, read, deadline, wait=wait)
+
+    def scenarios(self, job_id: str, *, wait: bool = False, deadline: float | None = None) -> ScenarioSolution:
+        """The solution of a job that was submitted with scenarios."""
+        return self._of_job("Jobs/Result", "JobResultRequest", job_id, two_stage.response, deadline, wait=wait)
 
     def coupled(self, job_id: str, blocks: Sequence[LCQP | Problem], *, wait: bool = False,
-                deadline: float | None = None) -> CoupledAnswer:
-        """The same of a job that was submitted with submit_coupled; `blocks` as they were, for their sizes."""
-        request = requests.job("JobResultRequest", job_id, wait=wait)
-        return tied.blocks_answer(tied.response(self._rpc.call("Jobs/Result", request, deadline)), blocks)
+                deadline: float | None = None) -> CoupledSolution:
+        """The solution of a job of submit_coupled; blocks: what was submitted, for their sizes."""
+        return self._of_job("Jobs/Result", "JobResultRequest", job_id,
+                            lambda data: coupled.blocks_response(data, blocks), deadline, wait=wait)
 
     def pieces(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
-               problem: LCQP | Problem | None = None) -> PiecesAnswer:
-        """The same of submit_pieces. problem: what was submitted, for the answer's s and t and its own terms."""
-        request = requests.job("JobResultRequest", job_id, wait=wait)
-        return tied.pieces_answer(tied.response(self._rpc.call("Jobs/Result", request, deadline)), problem)
+               problem: LCQP | Problem | None = None) -> PiecesSolution:
+        """The solution of a job of submit_pieces. problem: as in result."""
+        return self._of_job("Jobs/Result", "JobResultRequest", job_id,
+                            lambda data: coupled.pieces_response(data, problem), deadline, wait=wait)
 
     def list(self, *, states: Sequence[JobState | str] = (), client: str = "", limit: int = 0,
              before: str = "") -> JobPage:
@@ -148,55 +163,32 @@ class Jobs:
         states: only these; none means all. client: only its jobs. limit: in [0, 10000]; 0 means 100. before: only jobs
         older than that id, to page on.
         """
-        return answers.job_page(self._rpc.call("Jobs/List", requests.list_jobs(tuple(states), client, limit, before)))
+        return self._call("Jobs/List", requests.list_jobs(tuple(states), client, limit, before),
+                          answers.reads(JobPage, "ListJobsResponse"))
 
     def get(self, job_id: str) -> JobDetails:
         """A job with its options and its convergence."""
-        return answers.job_details(self._rpc.call("Jobs/Get", requests.job("GetJobRequest", job_id)))
+        return self._of_job("Jobs/Get", "GetJobRequest", job_id, answers.reads(JobDetails, "GetJobResponse"))
 
     def cancel(self, job_id: str) -> Job:
         """Ends a job: a waiting one at once, a running one within an iteration, with its best iterate."""
-        return answers.cancelled_job(self._rpc.call("Jobs/Cancel", requests.job("CancelJobRequest", job_id)))
+        return self._of_job("Jobs/Cancel", "CancelJobRequest", job_id, answers.cancelled_job)
 
     def delete(self, job_id: str) -> None:
-        """Lets a submitted job and its answer go; ends it if it has not finished."""
-        self._rpc.call("Jobs/Delete", requests.job("DeleteJobRequest", job_id))
+        """Deletes a submitted job and its result; ends it if it has not finished."""
+        return self._of_job("Jobs/Delete", "DeleteJobRequest", job_id, _nothing)
 
     def watch(self, job_id: str = "", *, progress_interval: float = 0.25) -> Iterator[JobEvent]:
-        """Yields what happens: of one job until it has finished, of all (no id) for ever.
+        """Yields the events of one job until it has finished, or of all jobs (no id) without end.
 
         progress_interval: least time between two events about the progress of one job, seconds, ≥ 0.
         """
-        request = requests.job("WatchJobsRequest", job_id, progress_interval_s=progress_interval)
-        tries = self._rpc.tries("Jobs/Watch", math.inf)
-        told = False
-        while True:
-            tries.left()
-            stream = self._rpc.stream("Jobs/Watch", request)
-            try:
-                for data in stream:
-                    tries.reached()
-                    told = True
-                    yield from answers.job_events(data)
-                return
-            except grpc.RpcError as error:
-                lost = errors.from_rpc(error)
-            finally:
-                stream.cancel()
-            if told:
-                raise lost
-            self._rpc.pause(tries.pause(lost))
+        events: Iterator[JobEvent] = self._transport.stream(JobEvents(job_id, progress_interval))
+        return events
 
 
-def submission(problem: LCQP | Problem, call: Call, scenarios: Scenarios | None) -> bytes:
-    """What Submit is sent."""
-    if scenarios is None:
-        return requests.submission(compiled(problem), call)
-    return worlds.submission(problem, scenarios, call)
+def _nothing(_: bytes) -> None:
+    pass
 
 
-def result_of(data: bytes, problem: LCQP | Problem | None) -> Solution:
-    """The answer in a SolveResponse to the problem, if that is known."""
-    if problem is None:
-        return answers.solve_response(data, None)
-    return in_terms_of(problem, answers.solve_response(data, compiled(problem)))
+__all__ = ["Jobs", "OnTransport"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Callable, Iterator
-from typing import Any, Final, cast
+from typing import Any, Final, Protocol, cast
 
 from marble import errors
 from marble.base.lazy import lazy
@@ -15,44 +15,37 @@ from marble.errors import Error
 grpc: Any = lazy("grpc")
 loop_link: Any = lazy("marble.calls.loop_link")  # and asyncio with it
 
-# Streams of this process that have a thread. It saves an update a tenth of its way, which is worth something in a
-# control loop, and of these there are few.
+# Streams of this process that have a thread. It makes an update a tenth faster, which counts in a control loop, and
+# these are few.
 _THREADS: Final = threading.BoundedSemaphore(64)
 
 
-class Link:
-    """A stream. What is put into it is sent once it is set up, behind what `again` has by then."""
+class Link(Protocol):
+    """A stream. Messages are sent once it is set up, after those in `again`."""
 
     again: list[bytes]
 
     def put(self, message: bytes | None, seconds: float) -> bool:
-        """Whether it was taken in time: one message at a time, the next when the server has room. None is the last."""
-        raise NotImplementedError
+        """Whether a message was taken in time; the next is taken when the server can receive it. None is the last."""
 
     def receive(self) -> bytes | None:
         """Waits for the next message; None at the regular end. Raises what ended the stream otherwise."""
-        raise NotImplementedError
 
     def begin(self) -> None:
-        """All is set up."""
-        raise NotImplementedError
+        """Starts the sending: the session is set up."""
 
     def end(self) -> None:
-        """Lets what waits for messages go."""
-        raise NotImplementedError
+        """Ends the sending of messages."""
 
     def cancel(self) -> None:
-        """Gives up what is under way."""
-        raise NotImplementedError
+        """Cancels what is under way."""
 
     @property
     def is_active(self) -> bool:
         """Whether messages may still come and go."""
-        raise NotImplementedError
 
     def reason(self) -> Error | None:
         """Of one that is not active: what ended it, None if that was regular."""
-        raise NotImplementedError
 
 
 def open_link(rpc: Rpc, first: bytes) -> Link:
@@ -99,7 +92,7 @@ class _OfThread(Link):
         self._is_set_up.set()
         try:
             self._outbox.put_nowait(None)
-        except queue.Full:  # nobody waits for more
+        except queue.Full:  # no one waits for more
             pass
 
     def cancel(self) -> None:
@@ -115,7 +108,7 @@ class _OfThread(Link):
 
 
 def is_put(outbox: queue.Queue[bytes | None], message: bytes | None, seconds: float) -> bool:
-    """Whether there was room in time."""
+    """Whether the queue took it in time."""
     try:
         outbox.put(message, timeout=seconds)
         return True

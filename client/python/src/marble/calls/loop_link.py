@@ -14,7 +14,7 @@ from marble.connection.rpc import Calls, Rpc
 from marble.errors import Cancelled, Error
 
 grpc: Any = lazy("grpc")
-_AHEAD: Final = 8  # messages that are read before they are wanted; more wait on the server's side
+_AHEAD: Final = 8  # messages that are read ahead; more wait at the server
 
 
 class OfLoop(Link):
@@ -46,14 +46,14 @@ class OfLoop(Link):
                 await stream.write(newest)
             await stream.done_writing()
         except (grpc.RpcError, asyncio.InvalidStateError, asyncio.CancelledError):
-            pass  # the reader learns why
+            pass  # the reader gets the reason
 
     async def _next(self) -> bytes | None:
         while True:
             try:
                 return self._outbox.get_nowait()
             except queue.Empty:
-                self._wake.clear()  # who puts something sets it later, on this thread
+                self._wake.clear()  # put() sets it later, on this thread
                 await self._wake.wait()
 
     async def _read(self) -> None:
@@ -61,7 +61,7 @@ class OfLoop(Link):
         try:
             while (data := await stream.read()) is not grpc.aio.EOF:
                 self._inbox.put(data)
-                self._is_full = True  # before the look: who takes something looks at it after that
+                self._is_full = True  # before the size is read: receive() reads it after taking a message
                 if self._inbox.qsize() >= _AHEAD:
                     self._room.clear()
                     await self._room.wait()
@@ -99,11 +99,11 @@ class OfLoop(Link):
         return None
 
     def begin(self) -> None:
-        """All is set up."""
+        """Starts the sending; see Link."""
         self._loop.soon(self._is_set_up.set)
 
     def end(self) -> None:
-        """Lets the tasks that wait for messages go."""
+        """Ends the tasks that wait for messages."""
         try:
             self._outbox.put_nowait(None)
         except queue.Full:
@@ -115,7 +115,7 @@ class OfLoop(Link):
             event.set()
 
     def cancel(self) -> None:
-        """Gives up what is under way."""
+        """Cancels what is under way."""
         self._loop.soon(self._stream.cancel)
         self.end()
 

@@ -1,4 +1,4 @@
-"""One problem again and again: set up once on the server, then only what changes is sent."""
+"""A session for threads: one problem, set up once on the server and solved repeatedly; only changes are sent."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from marble.calls.links import Link, open_link
-from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, answer_of, first_refused
+from marble.calls.session_core import SessionCore, SessionEvent, SessionInfo, answer_of, first_refused
 from marble.calls.shift import Shift
 from marble.connection.patience import Tries
 from marble.connection.rpc import Rpc
@@ -22,7 +22,7 @@ from marble.model.solution import Progress, Solution
 
 
 class Turn:
-    """A lock that its own thread must not take twice: a progress function that uses its session would wait for ever."""
+    """A lock that its own thread must not take twice: a progress function that uses its session would deadlock."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -43,21 +43,19 @@ class Turn:
         self._lock.release()
 
 
-class Session(SessionFacts):
+class Session(SessionInfo):
     """An open session, from Client.session. A context manager: leaving it closes it, an exception gives it up.
 
     One thread may send while another one waits in next(); else one thread at a time. An error of update() concerns that
     update alone, unless is_open is False afterwards: Aborted (idle for too long) and others end the session, and
     Unavailable one that is not reopened.
 
-    Of one that is (`reopen`), update() and next() set it up again where its server is lost or leaves: there, once it is
-    back, or at the next one. It has all numbers and options as they are then, starts from the last z, moved on as the
-    updates say, and is asked again for what was not answered, so that it is answered once; deadlines begin anew.
-    `reopened` counts that, and the next answer has it set. Unavailable, after the client's `wait` seconds or before the
-    update's own deadline would pass, ends nothing: the numbers of that update stay, and the next one tries again.
+    With `reopen`, update() and next() set it up again if its server is lost or leaves: there, once it is back, or at
+    the next one. It has all current numbers and options, starts from the last z, shifted as the updates specify, and
+    the updates without a result are sent again, so that each gets one; deadlines begin anew. `reopened` counts that,
+    and the next solution has it set. Unavailable, after the client's `wait` seconds or before the update's own deadline
+    would pass, ends nothing: the numbers of that update are kept, and the next one tries again.
     """
-
-    _rpc: Rpc | None = None
 
     def __init__(self, rpc: Rpc, problem: LCQP | Problem, call: Call, latest_only: bool,
                  progress: Callable[[int, Progress], object] | None, reopen: bool) -> None:
@@ -66,7 +64,7 @@ class Session(SessionFacts):
         self._first_parts: list[int] = []
         self._writing, self._reading = Turn(), Turn()
         self._given_up = threading.Event()
-        self._rpc, self._look = rpc, None
+        self._rpc, self._search = rpc, None
         first, tries = self._core.set_up(call, latest_only), Tries(rpc.patience)
         while True:
             try:
@@ -93,20 +91,23 @@ class Session(SessionFacts):
             if link.put(message, 0.1):
                 return
         if not self._core.reopen:
-            raise self._reason()  # else the reader goes elsewhere, and takes it along
+            raise self._reason()  # else the reader reopens the session, and sends it again
 
     def _reason(self) -> Error:
         return self._link.reason() or FailedPrecondition("the session has ended")
 
+    def _tries(self, deadline: float | None) -> Tries | None:
+        return Tries(self._rpc.patience, deadline)
+
     def _finish(self) -> None:
         self._core.ended = True
         self._link.end()
-        self._stop_looking()
+        self._stop_searching()
 
-    def _stop_looking(self) -> None:
-        if self._look is not None:
-            self._look.cancel()
-            self._look = None
+    def _stop_searching(self) -> None:
+        if self._search is not None:
+            self._search.cancel()
+            self._search = None
 
     def _event(self, link: Link) -> SessionEvent | None:
         """The next outcome, or None at the stream's end, or once all is set up."""
@@ -125,7 +126,7 @@ class Session(SessionFacts):
                     return event
                 break
             except Unavailable as error:
-                if self._rpc is None or not self._core.reopen or self._core.ended:
+                if not self._core.reopen or self._core.ended:
                     self._finish()
                     raise
                 self._reopen(self._rpc, error, tries or Tries(self._rpc.patience))
@@ -136,12 +137,12 @@ class Session(SessionFacts):
         return None
 
     def _reopen(self, rpc: Rpc, error: Unavailable, tries: Tries) -> None:
-        """At once, as there may be another server; then after pauses, in which gRPC looks for one, and after them."""
+        """At once, as there may be another server; then repeatedly after pauses, in which gRPC searches for one."""
         self._link.cancel()
         try:
             while True:
-                if self._look is None or self._look.done():
-                    self._look = rpc.look()
+                if self._search is None or self._search.done():
+                    self._search = rpc.find_server()
                 try:
                     link = self._set_up(rpc, self._core.set_up_again(), tries)
                     break
@@ -158,7 +159,7 @@ class Session(SessionFacts):
             link.again = self._core.again()
             self._link = link
             link.begin()
-        self._stop_looking()
+        self._stop_searching()
         if self._given_up.is_set():
             link.cancel()
 
@@ -168,9 +169,9 @@ class Session(SessionFacts):
         return not self._core.ended and (self._core.reopen or self._link.is_active)
 
     def send(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
-        """Sends an update without waiting, as update does, and returns its number; numbers ascend.
+        """Sends an update as update does, without waiting, and returns its number; numbers ascend.
 
-        Blocks while the server has as many waiting as it takes (64 by default): next() must be called meanwhile.
+        Blocks while the server's queue of updates is full (64 by default): next() must be called meanwhile.
         """
         with self._writing:
             message = self._core.update(problem, **changes)
@@ -179,48 +180,50 @@ class Session(SessionFacts):
             return sequence
 
     def prepare(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
-        """Sends the first part of an update ahead of what is not known yet, and returns its number.
+        """Sends the preparation phase of an update ahead of the numbers that are not known yet, and returns its number.
 
-        The next update is the second part; its answer is that of one update of both, to the last bit. The server takes
-        the numbers in and factorizes for the branch that the solve will begin on, and answers nothing; an error of it
-        is raised by the update that follows, or comes from next(). problem and changes: as update has them, but for a
-        deadline.
+        The next update is its feedback phase, and gives the same bits as one update with both. The server factorizes
+        for the branch that the solve will begin on, and returns nothing; an error is raised by the update that follows,
+        or comes from next(). problem and changes: as in update, without a deadline.
         """
         number = self.send(problem, first_part=True, **changes)
         self._first_parts.append(number)
         return number
 
     def next(self) -> SessionEvent | None:
-        """Waits for what comes of the next of the updates sent, in the order it comes; None after close() and the last.
+        """Waits for the next result of an update, in the order of arrival; None after close() and the last one.
 
-        An error that it raises is the session's end, but for Unavailable of a session that is reopened: it tries again.
+        An error that it raises ends the session, except Unavailable of a session that is reopened: it tries again.
         """
         with self._reading:
             if self._unread:
                 return self._unread.pop(min(self._unread))
             return self._read()
 
-    def update(self, problem: LCQP | Problem | None = None, *, g: ArrayLike | None = None, b: ArrayLike | None = None,
-               d: ArrayLike | None = None, l: ArrayLike | None = None, r: ArrayLike | None = None,
-               c0: float | None = None, Q: MatrixLike | None = None, A: MatrixLike | None = None,
-               C: MatrixLike | None = None, L: MatrixLike | None = None, R: MatrixLike | None = None,
-               options: Mapping[str, Any] | None = None, z0: ArrayLike | None = None, cold: bool = False,
-               shift: Shift | int | None = None, deadline: float | None = None,
+    def update(self, /, problem: LCQP | Problem | None = None, *, g: ArrayLike | None = None,
+               b: ArrayLike | None = None, d: ArrayLike | None = None, l: ArrayLike | None = None,
+               r: ArrayLike | None = None, c0: float | None = None, Q: MatrixLike | None = None,
+               A: MatrixLike | None = None, C: MatrixLike | None = None, L: MatrixLike | None = None,
+               R: MatrixLike | None = None, options: Mapping[str, Any] | None = None, z0: ArrayLike | None = None,
+               cold: bool = False, shift: Shift | int | None = None, deadline: float | None = None,
                sensitivity: SensitivityRequest | None = None, **more_options: Any) -> Solution:
-        """Sends what has changed, and waits for the answer; the solve starts from the last one.
+        """Sends the changes, and waits for the solution; the solve starts from the last one.
 
-        Without arguments it solves what is there. problem: a whole new one of the same sizes and patterns; what differs
-        is sent. Or its parts: vectors of the sizes they had; matrices with entries where the set-up had some, or, as a
-        vector, the values alone in its order.
+        Without arguments it solves the current problem. problem: a new one of the same sizes and patterns; differences
+        are sent. Or its parts: vectors of their sizes; matrices with entries where the set-up had some, or the values
+        alone in its order, as a vector.
         options, or any option by its name: change from here on; scaling_passes is fixed. z0: start here instead. cold:
-        forget the last answer. shift: the last answer moves on first; a number of stages is Shift.by_stage. deadline:
-        seconds after the update's arrival from which on no answer is wanted (DeadlineExceeded; its numbers are kept).
-        sensitivity: derivatives of this answer that are wanted with it, in Solution.sensitivity.
+        ignore the last solution. shift: shifts the last solution first; a number of stages is Shift.by_stage. deadline:
+        seconds after the update's arrival after which it is given up (DeadlineExceeded; its numbers are kept).
+        sensitivity: derivatives to compute with the solution, in Solution.sensitivity.
         """
+        return self._update(problem, g=g, b=b, d=d, l=l, r=r, c0=c0, Q=Q, A=A, C=C, L=L, R=R, options=options, z0=z0,
+                            cold=cold, shift=shift, deadline=deadline, sensitivity=sensitivity, **more_options)
+
+    def _update(self, problem: LCQP | Problem | None, *, deadline: float | None, **changes: Any) -> Solution:
         self._reading.refuse_own()
-        sequence = self.send(problem, g=g, b=b, d=d, l=l, r=r, c0=c0, Q=Q, A=A, C=C, L=L, R=R, options=options, z0=z0,
-                             cold=cold, shift=shift, deadline=deadline, sensitivity=sensitivity, **more_options)
-        tries = None if self._rpc is None else Tries(self._rpc.patience, deadline)
+        sequence = self.send(problem, deadline=deadline, **changes)
+        tries = self._tries(deadline)
         with self._reading:
             while sequence not in self._unread:
                 try:
@@ -237,7 +240,7 @@ class Session(SessionFacts):
     solve = update
 
     def close(self) -> None:
-        """Ends the session once everything is answered, and waits for that. What was not fetched is let go."""
+        """Ends the session once every update has a result, and waits for that. Drops results that were not fetched."""
         if self._core.ended:
             return
         self._reading.refuse_own()
@@ -251,12 +254,12 @@ class Session(SessionFacts):
             with self._reading:
                 while self._read() is not None:
                     pass
-        except Unavailable:  # of one that is reopened, everything that was waited for is answered
+        except Unavailable:  # a reopened session has all results that anyone waited for
             if not self._core.reopen:
                 raise
 
     def cancel(self) -> None:
-        """Gives the session up, with all that is under way."""
+        """Ends the session at once, and cancels what is under way."""
         self._given_up.set()
         self._link.cancel()
         self._finish()

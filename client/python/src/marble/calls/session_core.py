@@ -1,4 +1,4 @@
-"""What a session knows, whoever moves its messages: numbers of updates, and the problem as each one left it."""
+"""The state of a session, independent of its transport: numbers of updates, and the problem after each one."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ _STARTS: Final = (Status.SOLVED, Status.SOLVED_REDUCED, Status.TIME_LIMIT)  # of
 
 @dataclass(frozen=True)
 class Superseded:
-    """The update was overtaken by a newer one, which took its numbers along (latest_only)."""
+    """The update was replaced by a newer one, which includes its numbers (latest_only)."""
 
     by_sequence: int
 
 
 @dataclass(frozen=True, eq=False)
 class SessionEvent:
-    """What came of one update: an answer, solved or not; or why there is none, after which the session goes on."""
+    """The result of one update: a solution, solved or not; or why there is none, after which the session continues."""
 
     sequence: int
     outcome: Solution | Superseded | errors.Error
 
 
 @dataclass(frozen=True)
-class _Wish:
+class _Controls:
     """What accompanies an update's numbers."""
 
     options: Mapping[str, Any] | None = None
@@ -57,7 +57,7 @@ class _Wish:
     sensitivity: SensitivityRequest | None = None
 
     def moved(self, z: Vector | None) -> Vector | None:
-        """Where a solve starts that would have started at z, without this; None is the solver's own choice."""
+        """Where a solve starts that would start at z without these; None is the solver's own choice."""
         if self.cold or self.z0 is not None or z is None:
             return self.z0
         return z if self.shift is None else self.shift.moved(z)
@@ -65,7 +65,7 @@ class _Wish:
 
 @dataclass(frozen=True)
 class _State:
-    """What a session is at: the problem as the solver has it, and as it was given; all options; the last z0."""
+    """The state of a session: the problem as the solver has it, and as it was given; all options; the last z0."""
 
     current: LCQP
     given: LCQP | Problem
@@ -79,31 +79,31 @@ class _Update:
 
     changes: Mapping[str, Any]
     given: Problem | None
-    wish: _Wish
+    controls: _Controls
     before: _State
-    told: bool = False
-    first_part: bool = False  # of which nothing may ever be told
+    has_result: bool = False
+    first_part: bool = False  # the preparation phase, which may never have a result
 
     @property
     def after(self) -> _State:
-        before, wish = self.before, self.wish
+        before, controls = self.before, self.controls
         return _State(before.current.replaced(**self.changes), before.given if self.given is None else self.given,
-                      {**before.options, **(wish.options or {})}, before.z0 if wish.z0 is None else wish.z0)
+                      {**before.options, **(controls.options or {})}, before.z0 if controls.z0 is None else controls.z0)
 
 
 class SessionCore:
     """The state of one session; does no input or output.
 
-    reopen: whether it is set up again where its server is lost. Each set-up has an epoch of its own. What it does not
-    answer is sent again after the next one, which begins with the numbers from before that.
+    reopen: whether it is set up again if its server is lost. Each set-up has an epoch of its own. Updates without a
+    result are sent again after the next set-up, which has the numbers from before them.
     """
 
-    def __init__(self, problem: LCQP | Problem, tell: Callable[[int, Progress], object] | None,
+    def __init__(self, problem: LCQP | Problem, report: Callable[[int, Progress], object] | None,
                  reopen: bool = False) -> None:
         given: LCQP | Problem = problem.copy() if isinstance(problem, Problem) else problem
         lcqp_now = compiled(problem)
         self._state = _State(lcqp_now, given, {}, lcqp_now.z0)
-        self._tell = tell
+        self._report = report
         self.sequence = 0
         self.job_id = ""
         self.memory_bytes = 0
@@ -111,13 +111,13 @@ class SessionCore:
         self.ended = False
         self.reopen = reopen
         self.reopened = 0
-        self._epoch, self._told_epoch = -1, 0
-        self._is_reopened = False  # and no answer has told it
+        self._epoch, self._server_epoch = -1, 0
+        self._is_reopened = False  # and no solution has reported it
         self._lock = threading.Lock()  # one thread sends, another one reads
-        self._updates: dict[int, _Update] = {}  # in their order, from the first on that nothing was told of
-        self._newest: Vector | None = None  # z of the last answer, as what was given up has moved it
-        self._start: Vector | None = None  # where the first solve starts, of a session that was set up again
-        self._leads = False  # whether no solve was asked of it yet
+        self._updates: dict[int, _Update] = {}  # in their order, from the first one without a result
+        self._newest: Vector | None = None  # z of the last solution, shifted by the updates that were given up
+        self._start: Vector | None = None  # where the first solve of a reopened session starts
+        self._leads = False  # whether no solve was requested since it was reopened
         self._call = requests.Call()
         self._latest_only = False
 
@@ -139,9 +139,9 @@ class SessionCore:
         return self.set_up_again()
 
     def set_up_again(self) -> bytes:
-        """The first message of another stream: the session as it was before what is not answered."""
+        """The first message of another stream: the session as it was before the updates without a result."""
         with self._lock:
-            waiting = next((update for update in self._updates.values() if not update.told), None)
+            waiting = next((update for update in self._updates.values() if not update.has_result), None)
             state = self._state if waiting is None else waiting.before
             self._epoch += 1
         call = self._call
@@ -154,27 +154,27 @@ class SessionCore:
         setup.others(contract.message("SessionSetup")(
             options=requests.options_message(options), request_id=call.request_id,
             priority=requests.priority_number(call.priority), latest_only=self._latest_only,
-            progress=self._tell is not None, progress_interval_s=call.progress_interval,
+            progress=self._report is not None, progress_interval_s=call.progress_interval,
             iterate_every=call.iterate_every, epoch=self._epoch))
         return _request("setup", setup)
 
     def again(self) -> list[bytes]:
-        """What follows such a message once all is set up: the updates that are not answered, in their order."""
+        """The messages that follow once all is set up: the updates without a result, in their order."""
         with self._lock:
             self.reopened += 1
             self._is_reopened = True
             self._start, self._leads = self._newest, True
-            return [self._message(number, update.changes, update.wish, update.first_part, update.before.current)
-                    for number, update in self._updates.items() if not update.told]
+            return [self._message(number, update.changes, update.controls, update.first_part, update.before.current)
+                    for number, update in self._updates.items() if not update.has_result]
 
     def give_up(self, sequence: int) -> None:
-        """No answer to the update is wanted any more; its numbers stay, and so does where it moves the last z."""
+        """Gives an update up; its numbers are kept, and so is its shift of the last z."""
         with self._lock:
-            if (update := self._updates.get(sequence)) is None or update.told:
+            if (update := self._updates.get(sequence)) is None or update.has_result:
                 return
             for number, one in self._updates.items():
-                if not one.told and (number == sequence or (one.first_part and number < sequence)):
-                    self._newest = one.wish.moved(self._newest)
+                if not one.has_result and (number == sequence or (one.first_part and number < sequence)):
+                    self._newest = one.controls.moved(self._newest)
         self.settle(sequence, kept=True)
 
     def update(self, problem: LCQP | Problem | None = None, *, options: Mapping[str, Any] | None = None,
@@ -186,28 +186,28 @@ class SessionCore:
         parts, options = self.split(parts, options)
         changes, shift = self.prepared(problem, parts, shift, deadline)
         start = None if z0 is None else lcqp.vector(z0, "z0", self.current.n, " (n)")
-        wish = _Wish(options, start, cold, shift, deadline, sensitivity)
-        # Nothing is remembered of an update that could not be made.
+        controls = _Controls(options, start, cold, shift, deadline, sensitivity)
+        # An update that cannot be encoded leaves no trace.
         with self._lock:
-            data = self._message(self.sequence + 1, changes, wish, first_part, self.current)
-        self.remember(problem, changes, first_part, wish)
+            data = self._message(self.sequence + 1, changes, controls, first_part, self.current)
+        self.record(problem, changes, first_part, controls)
         return data
 
-    def _message(self, sequence: int, changes: Mapping[str, Any], wish: _Wish, first_part: bool,
+    def _message(self, sequence: int, changes: Mapping[str, Any], controls: _Controls, first_part: bool,
                  current: LCQP) -> bytes:
         """The caller holds the lock."""
         message = contract.message("SessionUpdate")(
-            sequence=sequence, cold=wish.cold, deadline_s=wish.deadline or 0.0, epoch=self._epoch,
-            options=requests.options_message(wish.options), prepare=first_part,
-            shift=None if wish.shift is None else wish.shift.message())
+            sequence=sequence, cold=controls.cold, deadline_s=controls.deadline or 0.0, epoch=self._epoch,
+            options=requests.options_message(controls.options), prepare=first_part,
+            shift=None if controls.shift is None else controls.shift.message())
         update = Encoder("SessionUpdate")
         update.others(message)
         update.message("problem", update_encoder(changes))
-        if wish.sensitivity is not None:
-            update.message("sensitivity", requests.sensitivity_encoder(wish.sensitivity, current))
-        z0 = wish.z0
-        if self._leads:  # a server that has solved nothing yet has nothing to move
-            z0 = self._start = wish.moved(self._start)
+        if controls.sensitivity is not None:
+            update.message("sensitivity", requests.sensitivity_encoder(controls.sensitivity, current))
+        z0 = controls.z0
+        if self._leads:  # a server that has solved nothing yet has nothing to shift
+            z0 = self._start = controls.moved(self._start)
             self._leads = first_part
         if z0 is not None:
             update.message("initial_point", requests.initial_point(z0))
@@ -221,11 +221,11 @@ class SessionCore:
         if not rest:
             return given, options
         return ({name: value for name, value in given.items() if name in _PARTS},
-                requests.wishes(options, rest, (*_PARTS, "z0", "cold", "shift")))
+                requests.merged(options, rest, (*_PARTS, "z0", "cold", "shift")))
 
     def prepared(self, problem: LCQP | Problem | None, parts: Mapping[str, Any], shift: Shift | int | None,
                  deadline: float | None) -> tuple[dict[str, Any], Shift | None]:
-        """What an update changes, by the letters of the equation, and its shift; checked, and not yet remembered."""
+        """The changes of an update, by the letters of the equation, and its shift; checked, and not yet recorded."""
         if self.ended:
             raise FailedPrecondition("the session has ended")
         if deadline is not None and not (is_number(deadline) and math.isfinite(deadline) and deadline > 0):
@@ -235,25 +235,25 @@ class SessionCore:
         changes = changes_of(self.current, problem, parts)
         return changes, Shift.by_stage(self.current, shift) if isinstance(shift, int) else shift
 
-    def remember(self, problem: LCQP | Problem | None, changes: Mapping[str, Any], first_part: bool = False,
-                 wish: _Wish = _Wish()) -> None:
-        """Takes an update that was prepared, under the next number."""
+    def record(self, problem: LCQP | Problem | None, changes: Mapping[str, Any], first_part: bool = False,
+                 controls: _Controls = _Controls()) -> None:
+        """Records an update under the next number."""
         given = problem.copy() if isinstance(problem, Problem) else None
         with self._lock:
             self.sequence += 1
-            update = _Update(changes, given, wish, self._state, first_part=first_part)
+            update = _Update(changes, given, controls, self._state, first_part=first_part)
             self._updates[self.sequence] = update
             self._state = update.after
 
     def settle(self, sequence: int, kept: bool) -> tuple[LCQP, LCQP | Problem]:
-        """The problem that an update asked for, and in whose terms; what came of it is known now.
+        """Records that an update has a result; returns the problem after it, as the solver has it and as it was given.
 
-        kept: whether the solver has its numbers; if not, those after it stand on what was before it.
+        kept: whether the solver has its numbers; if not, later updates build on the state before it.
         """
         with self._lock:
             update = self._updates[sequence]
             after = update.after
-            update.told = True
+            update.has_result = True
             if not kept:
                 del self._updates[sequence]
                 self._state = update.before
@@ -264,15 +264,15 @@ class SessionCore:
                 self._leads = self._start is not None
             while self._updates:
                 number, first = next(iter(self._updates.items()))
-                if not first.told and not (first.first_part and number < sequence):
+                if not first.has_result and not (first.first_part and number < sequence):
                     break
                 del self._updates[number]
         return after.current, after.given if isinstance(after.given, Problem) else after.current
 
     def take(self, data: bytes) -> tuple[bool, SessionEvent | None]:
-        """Whether a reader has what it waits for, and the outcome of an update if that is what it is.
+        """Whether a reader has what it waits for, and the result of an update if it is one.
 
-        Progress is told, and waited beyond; with the word that all is set up there is no outcome.
+        Progress is reported, and is not waited for; the message that all is set up has no result.
         """
         message, arrays = wire.decode("SessionResponse", data)
         kind = message.WhichOneof("event")
@@ -280,22 +280,22 @@ class SessionCore:
             self._ready(message.ready)
             return True, None
         if kind == "progress":
-            if self._tell is not None:
+            if self._report is not None:
                 for row in message.progress.progress.rows:
-                    self._tell(message.progress.sequence, answers.progress(row))
+                    self._report(message.progress.sequence, answers.progress(row))
             return False, None
         body = getattr(message, kind)
-        if kind in ("answer", "error") and body.epoch != self._told_epoch:
-            return False, None  # meant for another set-up
+        if kind in ("answer", "error") and body.epoch != self._server_epoch:
+            return False, None  # of another set-up
         with self._lock:
             update = self._updates.get(body.sequence)
-        if update is None or update.told:
+        if update is None or update.has_result:
             return False, None  # given up
         if update.first_part and kind != "error":
             return False, None  # an older server has solved it
         error = errors.from_status(body.status) if kind == "error" else None
         if self.reopen and isinstance(error, Unavailable):
-            raise error  # of a server that is about to go
+            raise error  # of a server that is shutting down
         problem, given = self.settle(body.sequence, kept=not isinstance(error, InvalidArgument))
         outcome: Solution | Superseded | errors.Error
         if kind == "answer":
@@ -314,7 +314,7 @@ class SessionCore:
         return answer.replaced(reopened=True) if reopened else answer
 
     def _ready(self, message: Any) -> None:
-        self._told_epoch = message.epoch  # 0 of an older server
+        self._server_epoch = message.epoch  # 0 of an older server
         self.job_id = message.job_id
         self.memory_bytes = message.memory_bytes
         self.setup_s = message.setup_s
@@ -322,21 +322,21 @@ class SessionCore:
 
 
 def check_sensitivity_of_part(sensitivity: object, first_part: bool) -> None:
-    """Derivatives are of an answer, which a first part has none of."""
+    """Derivatives are of a solution, and a preparation has none."""
     requests.check_sensitivity(sensitivity)
     if first_part and sensitivity is not None:
         raise InvalidArgument("sensitivity", "must come with the second part of an update")
 
 
 def first_refused(unread: dict[int, SessionEvent], first_parts: list[int], sequence: int) -> SessionEvent | None:
-    """The error of a first part before this update, which is then its own. Forgets the parts before it."""
+    """The error of a preparation before this update, which then becomes its own. Forgets the preparations before it."""
     refused = [unread.pop(number) for number in first_parts if number < sequence and number in unread]
     first_parts[:] = [number for number in first_parts if number > sequence]
     return refused[0] if refused else None
 
 
 def answer_of(event: SessionEvent) -> Solution:
-    """The answer of an update; raises the error if there is none."""
+    """The solution of an update; raises the error if there is none."""
     if isinstance(event.outcome, Superseded):
         raise Cancelled(f"update {event.sequence} was superseded by update {event.outcome.by_sequence}")
     if isinstance(event.outcome, errors.Error):
@@ -344,14 +344,14 @@ def answer_of(event: SessionEvent) -> Solution:
     return event.outcome
 
 
-class SessionFacts:
-    """What both kinds of session tell of themselves."""
+class SessionInfo:
+    """Properties of the sessions of marble and of marble.aio."""
 
     _core: SessionCore
 
     @property
     def job_id(self) -> str:
-        """The server's id of the session, one job for all its solves; another one once it was reopened."""
+        """The server's id of the session, one job for all its solves; a new one after it is reopened."""
         return self._core.job_id
 
     @property
@@ -371,12 +371,12 @@ class SessionFacts:
 
     @property
     def reopened(self) -> int:
-        """How often the session was set up again because its server was lost; the next answer's `reopened` tells it."""
+        """How often the session was set up again because its server was lost; see Solution.reopened."""
         return self._core.reopened
 
     @property
     def problem(self) -> LCQP:
-        """The problem as the updates so far left it."""
+        """The problem after all updates so far."""
         return self._core.current
 
 

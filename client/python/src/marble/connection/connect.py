@@ -1,4 +1,4 @@
-"""How a client reaches its servers and says who it is."""
+"""Addresses of servers, and the identity of the client."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _process_name() -> str:
 
 @dataclass(frozen=True)
 class ConnectOptions:
-    """Who calls, how it is encrypted, and when a server counts as lost.
+    """The identity of the caller, encryption, and when a server counts as lost.
 
     Files are read once; a bad one is InvalidArgument with its field.
 
@@ -102,7 +102,7 @@ class ConnectOptions:
         return _CONTROL_S if self.keepalive == CONTROL else (float(self.keepalive), float(self.keepalive) / 2)
 
     def metadata(self) -> tuple[tuple[str, str], ...]:
-        """What goes with every call."""
+        """The metadata of every call."""
         pairs = []
         if self.token:
             pairs.append(("authorization", f"Bearer {self.token}"))
@@ -119,7 +119,7 @@ class ConnectOptions:
 
 
 def _read_pem(field: str, path: str) -> bytes | None:
-    """What gRPC would otherwise find out at the first handshake, and tell as "unavailable"."""
+    """The content of a PEM file; gRPC would report a bad one at the first handshake only, as "unavailable"."""
     if not path:
         return None
     try:
@@ -183,12 +183,12 @@ def named(address: str | Sequence[str] | None) -> str | Sequence[str]:
 
 
 def server_of(server: str | Sequence[str] | None) -> str | Sequence[str]:
-    """Where to solve if this is what was said: None is MARBLE_SERVER, else this process."""
+    """The address of a `server` argument: None is MARBLE_SERVER, else this process."""
     return (os.environ.get("MARBLE_SERVER") or tables.LOCAL_ADDRESS) if server is None else server
 
 
 def is_local(address: str | Sequence[str] | None) -> bool:
-    """Whether it stands for no server."""
+    """Whether it is this process."""
     return named(address) == tables.LOCAL_ADDRESS
 
 
@@ -244,15 +244,15 @@ def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Targ
 
 def channels(library: Any, address: str | Sequence[str] | None,
              connect: ConnectOptions) -> tuple[str, Callable[..., Any]]:
-    """The address as it is shown, and what makes a channel of `library`, grpc or grpc.aio, to it: with a connection of
-    its own, or with that of all others of this process.
+    """The address as it is shown, and a function that opens a channel of `library`, grpc or grpc.aio, to it: with a
+    connection of its own, or with that of all others of this process.
     """
-    there, credentials = target(address, connect), connect.credentials()
+    found, credentials = target(address, connect), connect.credentials()
 
     def make(own: bool, library: Any = library) -> Any:
-        options = (*there.options, ("grpc.use_local_subchannel_pool", 1)) if own else there.options
+        options = (*found.options, ("grpc.use_local_subchannel_pool", 1)) if own else found.options
         if credentials is None:
-            return library.insecure_channel(there.name, options)
-        return library.secure_channel(there.name, credentials, options)
+            return library.insecure_channel(found.name, options)
+        return library.secure_channel(found.name, credentials, options)
 
-    return there.shown, make
+    return found.shown, make

@@ -1,4 +1,4 @@
-"""How long a call waits for a server that is lost, or that has no room."""
+"""How long a call waits for a server that is lost or full."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from typing import Final
 from marble.base.checks import is_number
 from marble.errors import Cancelled, DeadlineExceeded, Error, InvalidArgument, Refused, Unavailable
 
-# Calls that change nothing on a server may be made again, and Jobs.Submit and SubmitArray, whose request ids make two
-# of them one job. Watches are made again as long as nothing was told of them.
+# Calls that change nothing on a server may be repeated, and Jobs.Submit and SubmitArray, whose request ids make two
+# of them one job. Watches are repeated as long as no event was received.
 REPEATABLE: Final = frozenset({
     "Solver/Solve", "Solver/SolveStream", "Solver/SolveScenarios", "Solver/SolveCoupled",
     "Jobs/Submit", "Jobs/SubmitArray", "Jobs/Result", "Jobs/ArrayResults", "Jobs/List", "Jobs/Get", "Jobs/Watch",
     "Server/GetInfo"})
-# What a server refuses of them for want of room is asked for again once there may be some.
-WAITS_FOR_ROOM: Final = frozenset({"Jobs/Submit", "Jobs/SubmitArray", "Jobs/ArrayResults"})
+# Calls that are repeated when a full server refuses them.
+WAITS_WHEN_FULL: Final = frozenset({"Jobs/Submit", "Jobs/SubmitArray", "Jobs/ArrayResults"})
 DEFAULT_WAIT_S: Final = 10.0
 _FIRST_PAUSE_S: Final = 0.1
 _LONGEST_PAUSE_S: Final = 1.0
-# A wrong address is told within the sum of these; a connection that broke at its first call gets another one.
+# A wrong address is reported within the sum of these; a connection that broke at its first call is tried again.
 _FIRST_PAUSES: Final = 3
 CONNECT_S: Final = 5.0  # a connection that takes longer to be made counts as lost
-_SHORTEST_ROOM_S: Final = 0.01  # whatever a server says
+_SHORTEST_DELAY_S: Final = 0.01  # of a refusal
 
 
 def check_wait(wait: float | None) -> float | None:
@@ -48,19 +48,19 @@ class Patience:
 
     @property
     def hardly(self) -> bool:
-        """Whether only a few tries are due: nobody knows yet that there is a server."""
+        """Whether to try only a few times: it is not known whether there is a server."""
         return self._wait is None and not self.reached
 
 
 class Tries:
     """The tries of one call. deadline: seconds from now on, or None.
 
-    lost: whether a lost server is waited for. room: whether a refusal with a delay is waited out.
+    lost: whether the call waits for a lost server. full: whether it waits for a full one.
     """
 
     def __init__(self, patience: Patience, deadline: float | None = None, *, lost: bool = True,
-                 room: bool = False) -> None:
-        self._patience, self._lost, self._room = patience, lost, room
+                 full: bool = False) -> None:
+        self._patience, self._lost, self._full = patience, lost, full
         self._begun = time.monotonic()
         self._end = math.inf if deadline is None else self._begun + deadline
         self.reset()
@@ -68,14 +68,14 @@ class Tries:
     @staticmethod
     def of(patience: Patience, method: str, deadline: float | None) -> Tries:
         """Of a call by its name, such as Solver/Solve."""
-        return Tries(patience, deadline, lost=method in REPEATABLE, room=method in WAITS_FOR_ROOM)
+        return Tries(patience, deadline, lost=method in REPEATABLE, full=method in WAITS_WHEN_FULL)
 
     def reset(self) -> None:
-        """The server has answered: what is lost from here on is another loss."""
+        """Starts anew: the server has responded, and a later loss is another one."""
         self._spent, self._failed = 0.0, 0
 
     def reached(self) -> None:
-        """A server has answered."""
+        """Records that a server has responded."""
         self._patience.reached = True
         self.reset()
 
@@ -84,21 +84,21 @@ class Tries:
         self._begun = time.monotonic()
         if math.isinf(self._end):
             return None
-        return max(self._end - self._begun, 1e-3)  # gRPC tells that it has passed
+        return max(self._end - self._begun, 1e-3)  # gRPC reports that it has passed
 
     def pause(self, error: Error) -> float:
-        """Seconds until the next try; raises the error where there is none: what waiting does not help, at the end of
-        the patience, and where the deadline would pass first.
+        """Seconds until the next try; raises the error where waiting does not help, at the end of the
+        patience, and where the deadline would pass first.
         """
         if isinstance(error, Unavailable) and error.lost:
             pause = self._lost_pause(error)
         else:
             if not isinstance(error, Cancelled | DeadlineExceeded):
                 self._patience.reached = True
-            if not (self._room and isinstance(error, Refused) and error.retry_after is not None):
+            if not (self._full and isinstance(error, Refused) and error.retry_after is not None):
                 raise error
             self.reset()
-            pause = max(error.retry_after, _SHORTEST_ROOM_S)
+            pause = max(error.retry_after, _SHORTEST_DELAY_S)
         if time.monotonic() + pause >= self._end:
             raise error
         return pause

@@ -1,4 +1,4 @@
-"""Calls on a channel: bytes there, bytes back, and errors as this package's exceptions."""
+"""Calls of bytes on a gRPC channel, with errors as this package's exceptions."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ PACKAGE = "/marble.v1."
 CLOSED = "the client is closed"
 _LONGEST_S = 2.0**31
 _HEALTH = "/grpc.health.v1.Health/Check"
-# Of the 1024 streams that a server takes on a connection by default, and beyond which gRPC holds calls back without a
-# word. The first connection is shared by all clients of this process for the address, and has their calls as well.
+# Of the 1024 streams that a server takes on a connection by default; gRPC silently holds further calls back. The first
+# connection is shared by all clients of this process for the address, and has their calls as well.
 _STREAMS_OF_FIRST, _STREAMS_OF_OTHERS = 100, 900
 
 
@@ -34,7 +34,7 @@ def check_deadline(deadline: float | None) -> float | None:
     return deadline if deadline < _LONGEST_S else None
 
 
-class _Lane:
+class _Channel:
     """A channel, and the streams on it that stay open."""
 
     def __init__(self, channel: Any, most: int) -> None:
@@ -42,7 +42,7 @@ class _Lane:
 
 
 class Calls:
-    """Channels of grpc or of grpc.aio, who calls, and how long a call may take if nothing else is said.
+    """Channels of grpc or of grpc.aio, the caller's identity, and the default deadline.
 
     make: a channel, with a connection of its own or not. patience: how long calls wait for a server that is lost.
     """
@@ -50,45 +50,49 @@ class Calls:
     def __init__(self, make: Callable[..., Any], metadata: tuple[tuple[str, str], ...], timeout: float | None,
                  patience: Patience) -> None:
         self._make, self._is_closed = make, False
-        self._lanes = [_Lane(make(False), _STREAMS_OF_FIRST)]
-        self._lanes_access = threading.Lock()
+        self._channels = [_Channel(make(False), _STREAMS_OF_FIRST)]
+        self._channels_access = threading.Lock()
         self._metadata = metadata
         self._timeout = check_deadline(timeout)
         self.patience = patience
 
+    def check_open(self) -> None:
+        """FailedPrecondition once it is closed."""
+        if self._is_closed:
+            raise FailedPrecondition(CLOSED)
+
     @property
     def channel(self) -> Any:
         """FailedPrecondition of a closed one."""
-        if self._is_closed:
-            raise FailedPrecondition(CLOSED)
-        return self._lanes[0].channel
+        self.check_open()
+        return self._channels[0].channel
 
     def _end(self) -> list[Any]:
         """Ends the channels and all that is under way on them; each to be awaited of grpc.aio."""
-        with self._lanes_access:
+        with self._channels_access:
             self._is_closed = True
-        return [lane.channel.close() for lane in self._lanes]  # waits for streams, which leave their lanes
+        return [one.channel.close() for one in self._channels]  # waits for streams, which then leave the count
 
     async def ended(self) -> None:
         """Of grpc.aio: ends the channels and all that is under way on them."""
         for closing in self._end():
             await closing
 
-    def _lane(self) -> _Lane:
-        """One with room for another stream, which counts from now on."""
-        with self._lanes_access:
+    def _free_channel(self) -> _Channel:
+        """One that can take another stream, which counts from now on."""
+        with self._channels_access:
             if self._is_closed:
                 raise FailedPrecondition(CLOSED)
-            lane = next((lane for lane in self._lanes if lane.streams < lane.most), None)
-            if lane is None:
-                lane = _Lane(self._make(True), _STREAMS_OF_OTHERS)
-                self._lanes.append(lane)
-            lane.streams += 1
-            return lane
+            own = next((one for one in self._channels if one.streams < one.most), None)
+            if own is None:
+                own = _Channel(self._make(True), _STREAMS_OF_OTHERS)
+                self._channels.append(own)
+            own.streams += 1
+            return own
 
-    def _leave(self, lane: _Lane) -> None:
-        with self._lanes_access:
-            lane.streams -= 1
+    def _leave(self, own: _Channel) -> None:
+        with self._channels_access:
+            own.streams -= 1
 
     def _begun(self, begin: Callable[[], Any]) -> Any:
         try:
@@ -106,25 +110,25 @@ class Calls:
         return Tries.of(self.patience, method, self._deadline(deadline))
 
     def stream(self, method: str, request: bytes, seconds: float | None = None) -> Any:
-        """One message there, many back; for so many seconds at most."""
+        """One message sent, many received, for so many seconds at most."""
         return self._begun(lambda: self.channel.unary_stream(PACKAGE + method)(
             request, timeout=seconds, metadata=self._metadata))
 
     def upload(self, method: str, requests: Iterator[bytes], seconds: float | None = None) -> Any:
-        """Many messages there, one back: a future of it."""
+        """Many messages sent, one received: a future of it."""
         return self._begun(lambda: self.channel.stream_unary(PACKAGE + method).future(
             requests, timeout=seconds, metadata=self._metadata))
 
     def duplex(self, method: str, requests: Iterator[bytes] | None = None) -> Any:
-        """Many there, many back; None: they are written one by one (grpc.aio). Over a connection with room for it."""
-        lane = self._lane()
+        """Messages both ways; requests: None where they are written one by one (grpc.aio)."""
+        own = self._free_channel()
         try:
-            stream = self._begun(lambda: lane.channel.stream_stream(PACKAGE + method)(
+            stream = self._begun(lambda: own.channel.stream_stream(PACKAGE + method)(
                 requests, metadata=self._metadata))
         except BaseException:
-            self._leave(lane)
+            self._leave(own)
             raise
-        stream.add_done_callback(lambda _: self._leave(lane))
+        stream.add_done_callback(lambda _: self._leave(own))
         return stream
 
 
@@ -161,14 +165,14 @@ class Rpc(Calls):
 
     def pause(self, seconds: float, until: threading.Event | None = None) -> bool:
         """Waits, or until the client is closed, or until what is given instead; whether that has happened."""
-        look = self.look(seconds)
+        search = self.find_server(seconds)
         try:
             return (until or self._closing).wait(seconds)
         finally:
-            look.cancel()
+            search.cancel()
 
-    def look(self, seconds: float | None = None) -> Any:
-        """Looks for a lost server in the background: gRPC makes a connection only while a call wants one.
+    def find_server(self, seconds: float | None = None) -> Any:
+        """Searches for a lost server in the background: gRPC connects only while a call waits for a connection.
 
         A future: it ends when there is a server, after the seconds, or when it is cancelled.
         """
@@ -187,13 +191,10 @@ class Rpc(Calls):
                 tries.reached()
                 return answer
 
-    def call(self, method: str, request: bytes, deadline: float | None = None) -> bytes:
-        """One message there, one back."""
-        return self.repeated(self.tries(method, deadline), lambda seconds: self._call(method, request, seconds))
-
-    def _call(self, method: str, request: bytes, seconds: float | None) -> bytes:
-        return self.result(self._begun(lambda: self.channel.unary_unary(PACKAGE + method).future(
-            request, timeout=seconds, metadata=self._metadata)))
+    def unary(self, method: str, request: bytes, seconds: float | None = None) -> Any:
+        """One message sent, one received: a future of it."""
+        return self._begun(lambda: self.channel.unary_unary(PACKAGE + method).future(
+            request, timeout=seconds, metadata=self._metadata))
 
     @staticmethod
     def result(future: Any) -> bytes:

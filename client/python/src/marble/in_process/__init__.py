@@ -1,1 +1,1 @@
-"""The calls of a client that has no server: core's solver in the callers' own threads."""
+"""The solver in this process, marble._core: its loading, its errors and its end."""

@@ -1,4 +1,4 @@
-"""The interpreter's end stops the solves that other threads have under way, and waits for them.
+"""Stops the solves of other threads when the interpreter exits, and waits for them.
 
 A thread of C++ that asks for the interpreter later is ended by Python with an exception, which aborts the process.
 """

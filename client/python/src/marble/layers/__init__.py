@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from marble.base.tables import MATRICES
 from marble.calls.batch import BatchItem
+from marble.calls.sensitivity import Sensitivity
 from marble.client import Client, solve
 from marble.errors import InvalidArgument
-from marble.in_process.sensitivity import Sensitivity
 from marble.model import lcqp
 from marble.model.derivatives import ANSWER, LETTERS
 from marble.model.lcqp import LCQP
@@ -130,7 +130,7 @@ class Layer:
         rows = []
         for k, problem in enumerate(problems):
             sensitivity = Sensitivity.at(problem, *(values[k] for values in vectors))
-            rows.append(sensitivity.gradient(**{name: values[k] for name, values in by.items()}))
+            rows.append(sensitivity.vjp(**{name: values[k] for name, values in by.items()}))
         gradients = []
         for name, values, size in zip(self.parameters, numbers, self.sizes, strict=True):
             whole = np.array([row[name] for row in rows]).reshape(count, size)

@@ -1,22 +1,26 @@
-"""Coupled problems as messages, there and back."""
+"""Problems coupled by rows, or cut into pieces: the requests of their solves, and their results."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
 
 import numpy as np
 
 from marble.base import contract
-from marble.base.tables import Status
 from marble.errors import FailedPrecondition, InvalidArgument
-from marble.message import answers, requests, wire
+from marble.message import answers, records, requests, wire
+from marble.message.progress import ProgressOption
+from marble.message.request import Run, core_options
+from marble.message.requests import Call
+from marble.message.scenarios import without_start
+from marble.message.solve import Solve
 from marble.message.wire import Encoder
 from marble.model import coupled as model
-from marble.model.coupled import Coordination, Coupled, CoupledAnswer, Pieces, PiecesAnswer
+from marble.model.coupled import Coordination, Coupled, CoupledSolution, Pieces, PiecesSolution
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled, in_terms_of
-from marble.model.solution import Progress
+from marble.model.solution import Solution
 
 SETTINGS: Final = ("proximal", "max_iterations", "freeze_after", "searches", "flips", "tolerance", "joint",
                    "joint_search")
@@ -27,111 +31,141 @@ def split(given: Mapping[str, Any],
     """The settings among what is given by name, and the options with the rest."""
     rest = {name: value for name, value in given.items() if name not in SETTINGS}
     return ({name: value for name, value in given.items() if name in SETTINGS},
-            requests.wishes(options, rest, (*SETTINGS, "sessions")))
+            requests.merged(options, rest, (*SETTINGS, "sessions")))
 
 
-def message(settings: Mapping[str, Any]) -> Any:
-    """A Coupled message with its settings alone."""
+def _message(kind: str, field: str, what: str, values: Mapping[str, Any]) -> Any:
     try:
-        return contract.message("Coupled")(**settings)
+        return contract.message(kind)(**values)
     except (TypeError, ValueError) as error:
-        raise InvalidArgument("coupled", f"has a setting of the wrong type ({error})") from None
+        raise InvalidArgument(field, f"has a {what} of the wrong type ({error})") from None
 
 
-def blocks(wish: Coupled, settings: Mapping[str, Any]) -> Encoder:
+def blocks_encoder(coupled: Coupled, settings: Mapping[str, Any]) -> Encoder:
     """A Coupled message of blocks."""
     part = Encoder("Coupled")
-    part.others(message(settings))
-    tied = model.checked(wish)
-    for lcqp, coupling in tied.blocks:
+    part.others(_settings(settings))
+    checked = model.checked(coupled)
+    for lcqp, coupling in checked.blocks:
         one = Encoder("CoupledBlock")
         one.message("problem", requests.problem_encoder(lcqp))
         if coupling is not None:
             one.message("coupling", requests.matrix_encoder(coupling))
         part.message("blocks", one)
-    part.doubles("total", tied.total)
-    if tied.prices is not None:
-        part.doubles("prices", tied.prices)
+    part.doubles("total", checked.total)
+    if checked.prices is not None:
+        part.doubles("prices", checked.prices)
     return part
 
 
-def cut(wish: Pieces) -> Any:
-    """A Pieces message without its stages."""
-    try:
-        return contract.message("Pieces")(pieces=wish.pieces, look_ahead=wish.look_ahead)
-    except (TypeError, ValueError) as error:
-        raise InvalidArgument("pieces", f"has a number of the wrong type ({error})") from None
-
-
-def pieces(problem: LCQP | Problem, wish: Pieces, settings: Mapping[str, Any]) -> Encoder:
+def pieces_encoder(problem: LCQP | Problem, pieces: Pieces, settings: Mapping[str, Any]) -> Encoder:
     """A Coupled message of a problem in pieces."""
     part, own = Encoder("Coupled"), Encoder("Pieces")
-    part.others(message(settings))
-    own.integers("stages", model.stages_of(compiled(problem), wish))
-    own.others(cut(wish))
+    part.others(_settings(settings))
+    own.integers("stages", model.stages_of(compiled(problem), pieces))
+    own.others(_numbers(pieces))
     part.message("pieces", own)
     return part
 
 
-def _coordination(outcome: Any) -> Coordination:
-    return Coordination(
-        status=Status(contract.enum_names("Status")[outcome.status]),
-        detail=outcome.detail,
-        iterations=outcome.iterations,
-        violation=outcome.coupling_violation,
-        step=outcome.step,
-        proximal=outcome.proximal,
-        frozen_at=outcome.frozen_at,
-        flips=outcome.flips,
-        factorizations=outcome.factorizations,
-        objective=outcome.blocks_objective,
-        failed=outcome.failed_block if outcome.HasField("failed_block") else None,
-        sweep_objective=outcome.sweep_objective if outcome.HasField("sweep_objective") else None,
-        sweep_factorizations=outcome.sweep_factorizations)
+def _settings(given: Mapping[str, Any]) -> Any:
+    return _message("Coupled", "coupled", "setting", given)
 
 
-class Told(NamedTuple):
-    """A SolveResponse of a coupled problem, and its solution's arrays, which stand under `path`."""
-
-    response: Any
-    arrays: answers.Arrays
-    path: str
+def _numbers(pieces: Pieces) -> Any:
+    return _message("Pieces", "pieces", "number", {"pieces": pieces.pieces, "look_ahead": pieces.look_ahead})
 
 
-def _told(response: Any, arrays: answers.Arrays, path: str) -> Told:
+def _core_settings(given: Mapping[str, Any]) -> dict[str, Any]:
+    message = _settings(given)
+    return {name: getattr(message, name) for name in SETTINGS if message.HasField(name)}
+
+
+class CoupledRequest(Solve[CoupledSolution]):
+    """A solve of blocks that rows couple."""
+
+    method, streams = "Solver/SolveCoupled", True
+
+    def __init__(self, coupled: Coupled, settings: Mapping[str, Any], call: Call, progress: ProgressOption,
+                 name: str) -> None:
+        super().__init__(call, progress)
+        self._coupled, self._settings, self.name = coupled, settings, name
+
+    def encode(self) -> bytes:
+        """See Request."""
+        return requests.solve_stream(self.name, self.call, coupled=blocks_encoder(self._coupled, self._settings))
+
+    def _result(self, response: Any, arrays: records.Arrays, path: str) -> CoupledSolution:
+        return _blocks_solution(response, arrays, path, self._coupled.blocks)
+
+    def compute(self, run: Run) -> CoupledSolution:
+        """See Request."""
+        chosen, checked = _core_settings(self._settings), model.checked(self._coupled)
+        call = run.call(checked.blocks[0][0], self.call, self.report)
+        values = run.core.solve_coupled(list(checked.blocks), checked.total, checked.prices,
+                                        core_options(self.call.options), chosen, run.open_block, call)
+        coordination, prices = records.of_core(Coordination, values.pop("coupled")), np.asarray(values.pop("prices"))
+        return model.solution_of(answers.core_solution(values, None), self._coupled.blocks, prices, coordination)
+
+
+class PiecesRequest(Solve[PiecesSolution]):
+    """A solve of one long problem in pieces."""
+
+    method, streams = "Solver/SolveCoupled", True
+
+    def __init__(self, problem: LCQP | Problem, pieces: Pieces, settings: Mapping[str, Any], call: Call,
+                 progress: ProgressOption) -> None:
+        super().__init__(call, progress)
+        self._problem, self._pieces, self._settings = problem, pieces, settings
+        self.name = compiled(problem).name
+
+    def encode(self) -> bytes:
+        """See Request."""
+        return requests.solve_stream(compiled(self._problem), self.call,
+                                     coupled=pieces_encoder(self._problem, self._pieces, self._settings))
+
+    def _result(self, response: Any, arrays: records.Arrays, path: str) -> PiecesSolution:
+        return _pieces_solution(response, arrays, path, self._problem)
+
+    def compute(self, run: Run) -> PiecesSolution:
+        """See Request."""
+        lcqp = without_start(compiled(self._problem), "coupled problems")
+        chosen, numbers = _core_settings(self._settings), _numbers(self._pieces)
+        values = run.core.solve_in_pieces(lcqp, model.stages_of(lcqp, self._pieces), numbers.pieces,
+                                          numbers.look_ahead, core_options(self.call.options), chosen,
+                                          run.open_block, run.call(lcqp, self.call, self.report))
+        coordination = records.of_core(Coordination, values.pop("coupled"))
+        return PiecesSolution(in_terms_of(self._problem, answers.core_solution(values, lcqp)), coordination, "")
+
+
+def _coordinated(response: Any, arrays: records.Arrays, path: str, problem: LCQP | None) -> tuple[Solution,
+                                                                                                  Coordination]:
     if not response.solution.HasField("coupled"):
         raise FailedPrecondition("coupled", "is not in this answer: its problem was solved alone")
-    return Told(response, arrays, path)
+    return (answers.solution(response.solution, arrays, path + "solution.", problem, response.job_id),
+            records.read(Coordination, response.solution.coupled))
 
 
-def read(data: bytes, tell: Callable[[Progress], object] | None) -> Told | None:
-    """Tells what an event of the stream says; what there is to the answer, if it is the result."""
-    message, arrays = wire.decode("SolveStreamResponse", data)
-    kind = message.WhichOneof("event")
-    if kind == "progress":
-        answers.tell_rows(message, tell)
-    return _told(message.result, arrays, "result.solution.") if kind == "result" else None
+def _blocks_solution(response: Any, arrays: records.Arrays, path: str,
+                     blocks: Sequence[LCQP | Problem]) -> CoupledSolution:
+    solution, coordination = _coordinated(response, arrays, path, None)
+    prices = arrays.get(path + "solution.coupled.prices", np.zeros(0))
+    return model.solution_of(solution, blocks, prices, coordination)
 
 
-def response(data: bytes) -> Told:
-    """The same of a SolveResponse."""
-    message, arrays = wire.decode("SolveResponse", data)
-    return _told(message, arrays, "solution.")
+def _pieces_solution(response: Any, arrays: records.Arrays, path: str,
+                     problem: LCQP | Problem | None) -> PiecesSolution:
+    known = None if problem is None else compiled(problem)
+    solution, coordination = _coordinated(response, arrays, path, known)
+    return PiecesSolution(solution if problem is None else in_terms_of(problem, solution), coordination,
+                          response.job_id)
 
 
-def blocks_answer(told: Told, blocks: Sequence[LCQP | Problem]) -> CoupledAnswer:
-    """The answer of blocks."""
-    result, arrays, path = told
-    whole = LCQP(None, np.zeros_like(arrays.get(path + "z", np.zeros(1))))
-    solution = answers.solution(result.solution, arrays, path, whole, result.job_id)
-    prices = arrays.get(path + "coupled.prices", np.zeros(0))
-    return model.answer_of(solution, blocks, prices, _coordination(result.solution.coupled))
+def blocks_response(data: bytes, blocks: Sequence[LCQP | Problem]) -> CoupledSolution:
+    """The solution in a SolveResponse of blocks."""
+    return _blocks_solution(*wire.decode("SolveResponse", data), "", blocks)
 
 
-def pieces_answer(told: Told, problem: LCQP | Problem | None) -> PiecesAnswer:
-    """The answer of pieces, to the problem if that is known."""
-    result, arrays, path = told
-    known = LCQP(None, np.zeros_like(arrays.get(path + "z", np.zeros(1)))) if problem is None else compiled(problem)
-    solution = answers.solution(result.solution, arrays, path, known, result.job_id)
-    return PiecesAnswer(solution if problem is None else in_terms_of(problem, solution),
-                        _coordination(result.solution.coupled), result.job_id)
+def pieces_response(data: bytes, problem: LCQP | Problem | None) -> PiecesSolution:
+    """The solution in a SolveResponse of pieces, of which the problem may be unknown."""
+    return _pieces_solution(*wire.decode("SolveResponse", data), "", problem)

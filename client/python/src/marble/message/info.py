@@ -1,11 +1,13 @@
-"""What a server tells about itself."""
+"""A server's version, limits, options and counters."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from marble.base import contract
+from marble.base.fields import named
+from marble.message import records
 
 
 @dataclass(frozen=True)
@@ -36,13 +38,8 @@ class ServerInfo:
     roles: tuple[str, ...]
     options: Mapping[str, Option]
     limits: Mapping[str, float | int]
-    quota: Mapping[str, float | int]
+    quota: Mapping[str, float | int] = field(metadata=named("limits.quota"))
     counters: Mapping[str, float | int]
-
-
-def _numbers(message: object) -> dict[str, float | int]:
-    fields = message.DESCRIPTOR.fields  # type: ignore[attr-defined]
-    return {field.name: getattr(message, field.name) for field in fields if field.message_type is None}
 
 
 def _value(number: float, kind: str, choices: tuple[str, ...]) -> float | int | bool | str:
@@ -62,5 +59,4 @@ def server_info(data: bytes) -> ServerInfo:
         choices = tuple(entry.choices)
         default = _value(entry.default_value, kinds[entry.type].name, choices)
         options[entry.name] = Option(entry.name, default, entry.low, entry.high, entry.unit, entry.doc, choices)
-    return ServerInfo(m.version, m.workers, m.uptime_s, m.client, tuple(m.roles), options, _numbers(m.limits),
-                      _numbers(m.limits.quota), _numbers(m.counters))
+    return records.read(ServerInfo, m, options=options)

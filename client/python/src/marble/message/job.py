@@ -1,12 +1,14 @@
-"""Jobs as the server tells of them."""
+"""Jobs as the server reports them."""
 
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+from marble.base.fields import named
 from marble.base.tables import Status
 from marble.model.lcqp import Vector
 from marble.model.scenarios import ScenarioLevel
@@ -14,7 +16,7 @@ from marble.model.solution import Progress, Times, Violations
 
 
 class Priority(enum.Enum):
-    """Whose turn it is when workers are busy; a higher one goes first, none starves."""
+    """The order of jobs when workers are busy: a higher one goes first, none starves."""
 
     REALTIME = "realtime"
     INTERACTIVE = "interactive"
@@ -22,7 +24,7 @@ class Priority(enum.Enum):
 
 
 class JobKind(enum.Enum):
-    """What a job came by. A SUBMITTED one and an ARRAY outlive their calls, the others are gone with theirs."""
+    """The call that made a job. A SUBMITTED one and an ARRAY outlive their calls, the others end with theirs."""
 
     SOLVE = "solve"
     BATCH = "batch"
@@ -34,7 +36,7 @@ class JobKind(enum.Enum):
 
 
 class JobState(enum.Enum):
-    """Where a job is in its life. IDLE is a session between updates."""
+    """The state of a job. IDLE is a session between updates."""
 
     QUEUED = "queued"
     RUNNING = "running"
@@ -44,7 +46,7 @@ class JobState(enum.Enum):
 
 @dataclass(frozen=True)
 class ArrayProgress:
-    """How far an array is. done: elements that have ended; of these some are solved, and some failed with an error."""
+    """The progress of an array. done: elements that have ended, of which some are solved, and some failed."""
 
     elements: int
     done: int
@@ -52,17 +54,17 @@ class ArrayProgress:
     failed: int
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Job:
-    """What is known of one job, without its problem and its solution's vectors.
+    """One job, without its problem and its solution's vectors.
 
-    sizes: variables, equalities, inequalities, pairs. accepted_unix_s, finished_unix_s: seconds since 1970, UTC; 0
-    while it has not finished. queue_position, estimated_wait_s: only while queued. status: how the solve ended, None
-    while it has not, or where error (a google.rpc.Status) says why there is no answer. updates: a session's, answered.
-    memory_bytes: of the solver. result_bytes: of the answer that is kept. trace_id: of the W3C traceparent that came.
-    server: of servers that share a store, the one that runs it or ran it last; of submitted jobs, empty before one has.
-    levels: of a scenario solve, so far. activity: what it is doing, in words, while it runs; else empty. array: how far
-    an array is.
+    variables, equalities, inequalities, pairs: sizes of its problem. accepted_unix_s, finished_unix_s: seconds since
+    1970, UTC; 0 while it has not finished. queue_position, estimated_wait_s: only while queued. status: how the solve
+    ended, None while it has not, or where error (a google.rpc.Status) says why there is no solution. updates: of a
+    session, with a result. memory_bytes: of the solver. result_bytes: of the stored result. trace_id: of the W3C
+    traceparent of the request. server: of servers that share a store, the one that runs it or ran it last; of submitted
+    jobs, empty before one has. levels: of a scenario solve, so far. activity: what it is doing, in words, while it
+    runs; else empty. array: the progress of an array.
     proved, incumbent, bound, gap, nodes, open_nodes: of option global, as in Solution and Progress, so far.
     """
 
@@ -73,7 +75,10 @@ class Job:
     client: str
     request_id: str
     problem_name: str
-    sizes: tuple[int, int, int, int]
+    variables: int
+    equalities: int
+    inequalities: int
+    pairs: int
     accepted_unix_s: float
     finished_unix_s: float
     queue_position: int
@@ -86,9 +91,9 @@ class Job:
     objective: float
     violations: Violations
     proved: bool
-    incumbent: float
-    bound: float
-    gap: float
+    incumbent: float = math.inf
+    bound: float = -math.inf
+    gap: float = math.inf
     nodes: int
     open_nodes: int
     times: Times
@@ -97,14 +102,19 @@ class Job:
     result_bytes: int
     trace_id: str
     server: str
-    levels: tuple[ScenarioLevel, ...] = ()
-    activity: str = ""
+    levels: tuple[ScenarioLevel, ...] = field(default=(), metadata=named("scenario_levels"))
+    activity: str = field(default="", metadata=named("activity.text"))
     array: ArrayProgress | None = None
+
+    @property
+    def sizes(self) -> tuple[int, int, int, int]:
+        """Variables, equalities, inequalities, pairs."""
+        return self.variables, self.equalities, self.inequalities, self.pairs
 
 
 @dataclass(frozen=True, eq=False)
 class JobPage:
-    """Jobs, newest first, and whether there are more: go on with `before`."""
+    """Jobs, newest first, and whether there are more: continue with `before`."""
 
     jobs: list[Job]
     more: bool
@@ -122,11 +132,14 @@ class PairSides:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """What a job did, oldest first; of a long one every stride-th iteration and the newest."""
+    """The iterations of a job, oldest first; of a long one every stride-th and the newest."""
 
     rows: list[Progress]
     stride: int
     pairs: list[PairSides]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "stride", max(1, self.stride))  # 0 in the message of a job that has not begun
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,9 +153,10 @@ class JobDetails:
 
 @dataclass(frozen=True, eq=False)
 class JobEvent:
-    """A job as it is now, and its progress since it was last told of.
+    """A job as it is now, and its progress since its last event.
 
-    trace: in the first event of one watched job, what it did until now. skipped: what this reader was too slow for.
+    trace: in the first event of one watched job, its progress until now. skipped: events that this reader was too slow
+    for.
     """
 
     job: Job
@@ -153,7 +167,7 @@ class JobEvent:
 
 @dataclass(frozen=True)
 class SubmittedArray:
-    """An array was taken in: its id, and how many elements it has."""
+    """An accepted array: its id, and how many elements it has."""
 
     job_id: str
     elements: int
@@ -161,7 +175,7 @@ class SubmittedArray:
 
 @dataclass(frozen=True)
 class Submitted:
-    """A job was taken in: its id, its place in the queue, and the seconds it is likely to wait."""
+    """An accepted job: its id, its place in the queue, and the seconds it is likely to wait."""
 
     job_id: str
     queue_position: int

@@ -1,4 +1,4 @@
-"""What is sent: the messages of every call, checked and encoded. The same for Client and marble.aio.Client."""
+"""Messages to a server, checked and encoded."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ import keyword
 import math
 import numbers
 import uuid
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 from marble.base import contract
 from marble.base.checks import is_number
+from marble.base.fields import SOLUTION_VECTORS
 from marble.base.tables import LARGEST_PAGE, LONGEST_REQUEST_ID, MATRICES, VECTORS
 from marble.errors import InvalidArgument
 from marble.message import sensitivity
@@ -22,11 +23,9 @@ from marble.message.wire import Encoder
 from marble.model import derivatives
 from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, shortened
-from marble.model.solution import Progress, Solution
+from marble.model.solution import Solution
 
-ProgressWish = bool | Callable[[Progress], object] | None
-
-# What other solvers call it, where no name here looks like it.
+# Names in other solvers that resemble none of this package's.
 _ELSEWHERE: Final = {
     "timeout": ("deadline", "time_limit_s"), "verbose": ("progress",), "x0": ("z0",),
     **dict.fromkeys(("tol", "eps", "tolerance"),
@@ -54,7 +53,7 @@ def priority_number(priority: Priority | str | None) -> int:
 
 
 def _option_name(given: str) -> str:
-    """A name that is a word of Python's own may have an underscore behind it: global_."""
+    """A name that is a keyword of Python may end in an underscore: global_."""
     return given[:-1] if given.endswith("_") and keyword.iskeyword(given[:-1]) else given
 
 
@@ -64,7 +63,7 @@ def _check_options(options: object) -> None:
 
 
 def _unknown(name: str, others: Iterable[str] = ()) -> InvalidArgument:
-    """That there is no such option, and which one, or which of the other names, may have been meant."""
+    """The error of an unknown option, with the options or other names that may have been meant."""
     known = [*contract.message("SolveOptions").DESCRIPTOR.fields_by_name, *others]
     near = [one for one in _ELSEWHERE.get(name.lower(), ()) if one in known]
     near = near or difflib.get_close_matches(name.lower(), known, _MOST_GUESSES)
@@ -73,11 +72,11 @@ def _unknown(name: str, others: Iterable[str] = ()) -> InvalidArgument:
     return InvalidArgument(name, "is no option; core/OPTIONS.md has all, and so has Client.info().options")
 
 
-def wishes(options: Mapping[str, Any] | None, by_name: Mapping[str, Any],
+def merged(options: Mapping[str, Any] | None, by_name: Mapping[str, Any],
            others: Iterable[str] = ()) -> Mapping[str, Any] | None:
-    """The options of a call that takes them in a mapping and by their names; the latter count.
+    """The options of a call that takes them in a mapping and by their names; a name overrides the mapping.
 
-    others: names of the call's own arguments, which may have been meant by what is none.
+    others: names of the call's own arguments, which an unknown name may have meant.
     """
     _check_options(options)
     if not by_name:
@@ -90,7 +89,7 @@ def wishes(options: Mapping[str, Any] | None, by_name: Mapping[str, Any],
 
 
 def options_message(options: Mapping[str, Any] | None) -> Any:
-    """SolveOptions by name. What a value may be is known to the server, which checks it."""
+    """SolveOptions by name. The server checks the ranges of the values."""
     message = contract.message("SolveOptions")()
     _check_options(options)
     for given, value in (options or {}).items():
@@ -167,9 +166,9 @@ class Call:
 
     options: solver options by name. priority: None is the method's own. request_id: for the server's log; at most 128
     bytes of printable ASCII. progress_interval: least time between two reports, seconds, ≥ 0; 0 reports every
-    iteration. iterate_every: Progress.z is there in every k-th report, if it is the newest when it is sent; 0 never.
-    warm_start: an answer to this problem or one like it, of the same sizes: its branch is tried before anything else.
-    sensitivity: derivatives of the answer that are wanted with it.
+    iteration. iterate_every: Progress.z is set in every k-th report, if it is the newest when it is sent; 0 never.
+    warm_start: a solution of this problem or one like it, of the same sizes: its branch is tried before anything else.
+    sensitivity: derivatives of the solution to compute with it.
     """
 
     options: Mapping[str, Any] | None = None
@@ -191,27 +190,30 @@ ARGUMENTS: Final = (*(field.name for field in dataclasses.fields(Call)), "progre
 
 def _warm_start(start: Solution) -> Encoder:
     part = Encoder("WarmStart")
-    for field, values in (("z", start.z), ("equality_multipliers", start.y), ("inequality_multipliers", start.nu),
-                          ("complementarity_multipliers_l", start.xi), ("complementarity_multipliers_r", start.eta)):
-        part.doubles(field, values)
+    for name, field in SOLUTION_VECTORS.items():
+        part.doubles(field, getattr(start, name))
     part.others(contract.message("WarmStart")(cold_objective=start.cold_objective))
     return part
 
 
-def _solve(problem: LCQP, call: Call, scenarios: Encoder | None = None) -> Encoder:
+def _solve(problem: LCQP | str | None, call: Call, base: LCQP | None = None, /, **parts: Encoder) -> Encoder:
+    """A SolveRequest; of a problem of which there is a name alone, or of an update of `base`, with further parts."""
     check_request_id(call.request_id)
     part = Encoder("SolveRequest")
-    part.message("problem", problem_encoder(problem))
+    known = problem if isinstance(problem, LCQP) else base
+    named = {"problem": {"name": shortened(problem)}} if isinstance(problem, str) else {}
+    if isinstance(problem, LCQP):
+        part.message("problem", problem_encoder(problem))
     part.others(contract.message("SolveRequest")(options=options_message(call.options), request_id=call.request_id,
-                                                 priority=priority_number(call.priority)))
-    if problem.z0 is not None:
-        part.message("initial_point", initial_point(problem.z0))
+                                                 priority=priority_number(call.priority), **named))
+    if known is not None and known.z0 is not None:
+        part.message("initial_point", initial_point(known.z0))
     if call.warm_start is not None:
         part.message("warm_start", _warm_start(call.warm_start))
-    if scenarios is not None:
-        part.message("scenarios", scenarios)
-    if call.sensitivity is not None:
-        part.message("sensitivity", sensitivity_encoder(call.sensitivity, problem))
+    for field, inner in parts.items():
+        part.message(field, inner)
+    if known is not None and call.sensitivity is not None:
+        part.message("sensitivity", sensitivity_encoder(call.sensitivity, known))
     return part
 
 
@@ -224,9 +226,9 @@ def _named(call: Call) -> Call:
     return call if call.request_id else dataclasses.replace(call, request_id=f"submit-{uuid.uuid4()}")
 
 
-def submission(problem: LCQP, call: Call, scenarios: Encoder | None = None) -> bytes:
-    """A SolveRequest by an id: one submission, however often it is sent."""
-    return _solve(problem, _named(call), scenarios).finish()
+def submission(problem: LCQP | str, call: Call, **parts: Encoder) -> bytes:
+    """A SolveRequest with a request id: one submission, however often it is sent. parts: scenarios or coupled."""
+    return _solve(problem, _named(call), **parts).finish()
 
 
 def check_progress(call: Call) -> None:
@@ -238,42 +240,14 @@ def check_progress(call: Call) -> None:
         raise InvalidArgument("iterate_every", "must be a whole number in [0, 2**31)", value=call.iterate_every)
 
 
-def solve_stream(problem: LCQP, call: Call, scenarios: Encoder | None = None) -> bytes:
-    """A SolveStreamRequest."""
+def solve_stream(problem: LCQP | str, call: Call, **parts: Encoder) -> bytes:
+    """A SolveStreamRequest. problem: the name alone of blocks. parts: scenarios or coupled."""
     check_progress(call)
     part = Encoder("SolveStreamRequest")
-    part.message("solve", _solve(problem, call, scenarios))
+    part.message("solve", _solve(problem, call, **parts))
     part.others(contract.message("SolveStreamRequest")(progress_interval_s=call.progress_interval,
                                                        iterate_every=call.iterate_every))
     return part.finish()
-
-
-def _coupled(problem: LCQP | str, call: Call, coupled: Encoder) -> Encoder:
-    """Of problems that rows tie together, of which there is a name alone; or of one in pieces."""
-    if isinstance(problem, LCQP):
-        part = _solve(problem, call)
-    else:
-        part = Encoder("SolveRequest")
-        check_request_id(call.request_id)
-        part.others(contract.message("SolveRequest")(
-            problem={"name": shortened(problem)}, options=options_message(call.options), request_id=call.request_id,
-            priority=priority_number(call.priority)))
-    part.message("coupled", coupled)
-    return part
-
-
-def coupled_stream(problem: LCQP | str, call: Call, coupled: Encoder) -> bytes:
-    """A SolveStreamRequest of blocks, or of a problem in pieces."""
-    check_progress(call)
-    whole = Encoder("SolveStreamRequest")
-    whole.message("solve", _coupled(problem, call, coupled))
-    whole.others(contract.message("SolveStreamRequest")(progress_interval_s=call.progress_interval))
-    return whole.finish()
-
-
-def coupled_submission(problem: LCQP | str, call: Call, coupled: Encoder) -> bytes:
-    """A SolveRequest of the same by an id."""
-    return _coupled(problem, _named(call), coupled).finish()
 
 
 def array_setup(base: LCQP | None, name: str, call: Call) -> bytes:
@@ -291,20 +265,9 @@ def array_setup(base: LCQP | None, name: str, call: Call) -> bytes:
 
 
 def array_element(problem: LCQP | None, update: Encoder | None, base: LCQP | None, call: Call) -> bytes:
-    """Another: an element with a problem of its own, or with new numbers for the base problem."""
+    """A further one: an element with a problem of its own, or with new numbers for the base problem."""
     part = Encoder("ArrayElement")
-    if problem is not None:
-        part.message("solve", _solve(problem, call))
-    else:
-        solve = Encoder("SolveRequest")
-        solve.others(contract.message("SolveRequest")(options=options_message(call.options)))
-        if base is not None and base.z0 is not None:
-            solve.message("initial_point", initial_point(base.z0))
-        if call.warm_start is not None:
-            solve.message("warm_start", _warm_start(call.warm_start))
-        if call.sensitivity is not None and base is not None:
-            solve.message("sensitivity", sensitivity_encoder(call.sensitivity, base))
-        part.message("solve", solve)
+    part.message("solve", _solve(problem, call, None if problem is not None else base))
     if update is not None:
         part.message("update", update)
     whole = Encoder("SubmitArrayRequest")

@@ -1,4 +1,4 @@
-"""Scenario solves as messages, there and back."""
+"""Two-stage problems with scenarios: the request of a solve, and its result."""
 
 from __future__ import annotations
 
@@ -10,26 +10,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marble.base import contract
-from marble.errors import FailedPrecondition, InvalidArgument
-from marble.message import answers, requests, wire
+from marble.errors import FailedPrecondition, InvalidArgument, InvalidProblem
+from marble.message import answers, records, requests, wire
+from marble.message.progress import ProgressOption
+from marble.message.request import Run, core_options
 from marble.message.requests import Call
+from marble.message.solve import Solve
 from marble.message.wire import Encoder
 from marble.model import scenarios as model
 from marble.model.lcqp import LCQP, Vector
 from marble.model.problem import Problem, compiled
-from marble.model.scenarios import Quantity, ScenarioAnswer, ScenarioEnd, ScenarioLevel, Scenarios
-from marble.model.solution import Progress
+from marble.model.scenarios import Quantity, ScenarioLevel, ScenarioOutcome, Scenarios, ScenarioSolution
 
 SETTINGS: Final = ("first_scenarios", "growth", "most_scenarios", "tolerance", "least_scenarios", "without_recourse",
                    "fresh_scenarios")
 
 
-def wish(scenarios: Scenarios | None, given: Mapping[str, Any],
-         options: Mapping[str, Any] | None) -> tuple[Scenarios, Mapping[str, Any] | None]:
-    """What is asked for, whole or by parts, and the options with what is no part of it."""
+def split(scenarios: Scenarios | None, given: Mapping[str, Any],
+          options: Mapping[str, Any] | None) -> tuple[Scenarios, Mapping[str, Any] | None]:
+    """The Scenarios, given whole or by its parts, and the options with all other names."""
     names = [field.name for field in dataclasses.fields(Scenarios)]
     parts = {name: value for name, value in given.items() if name in names}
-    options = requests.wishes(options, {name: value for name, value in given.items() if name not in names}, names)
+    options = requests.merged(options, {name: value for name, value in given.items() if name not in names}, names)
     if scenarios is not None and parts:
         raise InvalidArgument("scenarios", "must be alone or absent", value=", ".join(parts))
     if scenarios is not None:
@@ -78,22 +80,22 @@ def _sampler(seed: int, quantities: Sequence[tuple[Quantity, Mapping[str, Vector
     return part
 
 
-def settings(wish: Scenarios) -> Any:
+def settings(scenarios: Scenarios) -> Any:
     """A Scenarios message with its settings alone."""
     try:
-        return contract.message("Scenarios")(**{name: getattr(wish, name) for name in SETTINGS})
+        return contract.message("Scenarios")(**{name: getattr(scenarios, name) for name in SETTINGS})
     except (TypeError, ValueError) as error:
         raise InvalidArgument("scenarios", f"has a setting of the wrong type ({error})") from None
 
 
-def encoder(problem: LCQP | Problem, wish: Scenarios) -> Encoder:
+def encoder(problem: LCQP | Problem, scenarios: Scenarios) -> Encoder:
     """A Scenarios message."""
     part = Encoder("Scenarios")
-    part.others(settings(wish))
-    drawn = model.drawn(problem, wish)
+    part.others(settings(scenarios))
+    drawn = model.drawn(problem, scenarios)
     part.integers("first_stage", drawn.plan)
     if drawn.table is None:
-        part.message("sampler", _sampler(wish.seed, drawn.quantities))
+        part.message("sampler", _sampler(scenarios.seed, drawn.quantities))
     else:
         part.message("samples", _samples(drawn.table))
     for field in ("own_equalities", "own_inequalities", "own_pairs"):
@@ -101,43 +103,71 @@ def encoder(problem: LCQP | Problem, wish: Scenarios) -> Encoder:
     return part
 
 
-def solve_stream(problem: LCQP | Problem, wish: Scenarios, call: Call) -> bytes:
-    """A SolveStreamRequest."""
-    return requests.solve_stream(compiled(problem), call, encoder(problem, wish))
+class ScenarioRequest(Solve[ScenarioSolution]):
+    """A solve of a problem with scenarios."""
+
+    method, streams = "Solver/SolveScenarios", True
+
+    def __init__(self, problem: LCQP | Problem, scenarios: Scenarios, call: Call, progress: ProgressOption,
+                 level: Callable[[ScenarioLevel], object] | None) -> None:
+        super().__init__(call, progress)
+        self._problem, self._scenarios, self.level = problem, scenarios, level
+
+    def wrap(self, wrapper: Callable[[Callable[..., object]], Callable[..., object]]) -> None:
+        """See Request."""
+        super().wrap(wrapper)
+        if self.level is not None:
+            self.level = wrapper(self.level)
+
+    def encode(self) -> bytes:
+        """See Request."""
+        return requests.solve_stream(compiled(self._problem), self.call,
+                                     scenarios=encoder(self._problem, self._scenarios))
+
+    def _result(self, response: Any, arrays: records.Arrays, path: str) -> ScenarioSolution:
+        return _solution(response, arrays, path + "solution.")
+
+    def compute(self, run: Run) -> ScenarioSolution:
+        """See Request."""
+        lcqp, drawn = without_start(compiled(self._problem), "scenarios"), model.drawn(self._problem, self._scenarios)
+        chosen = settings(self._scenarios)
+        asked: dict[str, Any] = {
+            "first_stage": drawn.plan, "own_equalities": drawn.own_equalities,
+            "own_inequalities": drawn.own_inequalities, "own_pairs": drawn.own_pairs,
+            "settings": {name: getattr(chosen, name) for name in SETTINGS}}
+        number = model.PARTS.index
+        if drawn.table is not None:
+            entries = [(number(part), places) for part, places in drawn.table.entries.items()]
+            asked["table"] = (entries, drawn.table.values, drawn.table.weights)
+        else:
+            asked["sampler"] = (self._scenarios.seed, [
+                (one.distribution, one.location, one.scale, one.least, one.most,
+                 [(number(part), np.flatnonzero(gains), gains[np.flatnonzero(gains)]) for part, gains in moves.items()
+                  if gains.any()])
+                for one, moves in drawn.quantities])
+        level = self.level
+        report_level = None if level is None else lambda values: level(records.of_core(ScenarioLevel, values))
+        values = run.core.solve_scenarios(lcqp, core_options(self.call.options), asked, report_level,
+                                          run.call(lcqp, self.call, self.report))
+        outcome = records.of_core(ScenarioOutcome, values.pop("scenarios"), first_stage=drawn.plan.size)
+        return model.solution_of(answers.core_solution(values, None), outcome)
 
 
-def submission(problem: LCQP | Problem, wish: Scenarios, call: Call) -> bytes:
-    """A SolveRequest by an id."""
-    return requests.submission(compiled(problem), call, encoder(problem, wish))
+def without_start(problem: LCQP, whose: str) -> LCQP:
+    """The problem; InvalidProblem where it has a z0."""
+    if problem.z0 is not None:
+        raise InvalidProblem("z0", f"must be absent: {whose} have their own starts")
+    return problem
 
 
-def answer(message: Any, arrays: answers.Arrays, path: str, job_id: str) -> ScenarioAnswer:
-    """The answer in a Solution, whose arrays stand under `path` in `arrays`."""
+def _solution(response: Any, arrays: records.Arrays, path: str) -> ScenarioSolution:
+    message = response.solution
     if not message.HasField("scenarios"):
         raise FailedPrecondition("scenarios", "are none in this answer: its problem was solved alone")
-    outcome = message.scenarios
-    z = arrays.get(path + "z", np.zeros(1))
-    solution = answers.solution(message, arrays, path, LCQP(None, np.zeros_like(z)), job_id)
-    return model.answer_of(solution, ScenarioEnd(contract.enum_names("ScenarioEnd")[outcome.end]), outcome.scenarios,
-                           outcome.first_stage, outcome.infeasible,
-                           [answers.scenario_level(one) for one in outcome.levels])
+    solution = answers.solution(message, arrays, path, None, response.job_id)
+    return model.solution_of(solution, records.read(ScenarioOutcome, message.scenarios))
 
 
-def response(data: bytes) -> ScenarioAnswer:
-    """The answer in a SolveResponse."""
-    message, arrays = wire.decode("SolveResponse", data)
-    return answer(message.solution, arrays, "solution.", message.job_id)
-
-
-def read(data: bytes, level: Callable[[ScenarioLevel], object] | None,
-         tell: Callable[[Progress], object] | None) -> ScenarioAnswer | None:
-    """Tells what an event of the stream says; its answer, if it is the result."""
-    message, arrays = wire.decode("SolveStreamResponse", data)
-    kind = message.WhichOneof("event")
-    if kind == "level" and level is not None:
-        level(answers.scenario_level(message.level))
-    elif kind == "progress":
-        answers.tell_rows(message, tell)
-    elif kind == "result":
-        return answer(message.result.solution, arrays, "result.solution.", message.result.job_id)
-    return None
+def response(data: bytes) -> ScenarioSolution:
+    """The solution in a SolveResponse."""
+    return _solution(*wire.decode("SolveResponse", data), "solution.")

@@ -1,4 +1,4 @@
-"""Derivatives that are asked for and told, as messages."""
+"""Requests for derivatives of a solution as messages, and their results."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ from typing import Any, Final
 import numpy as np
 
 from marble.base import contract
+from marble.base.fields import SOLUTION_VECTORS
 from marble.base.tables import VALUES, VECTORS
-from marble.errors import FailedPrecondition
+from marble.errors import FailedPrecondition, from_core
+from marble.message import records
 from marble.message.wire import Encoder
 from marble.model import derivatives
-from marble.model.derivatives import Asked, SensitivityAnswer
+from marble.model.derivatives import RESPONSE, Asked, SensitivityAnswer
 from marble.model.lcqp import Vector
 
 _NUMBERS: Final = {**VECTORS, **VALUES}
-_ANSWER: Final = dict(zip(derivatives.ANSWER, (
-    "z", "equality_multipliers", "inequality_multipliers", "complementarity_multipliers_l",
-    "complementarity_multipliers_r"), strict=True))
 
 
 def _arrays(kind: str, fields: dict[str, str], parts: dict[str, Vector]) -> Encoder:
@@ -40,7 +39,8 @@ def encoder(asked: Asked, matrix: Any) -> Encoder:
     for field, kind, count, inner in (
             ("directions", "DirectionsRequest", asked.directions,
              ("numbers", _arrays("ProblemNumbers", _NUMBERS, asked.numbers))),
-            ("losses", "LossesRequest", asked.losses, ("weights", _arrays("AnswerVectors", _ANSWER, asked.weights)))):
+            ("losses", "LossesRequest", asked.losses,
+             ("weights", _arrays("AnswerVectors", SOLUTION_VECTORS, asked.weights)))):
         if count:
             part = Encoder(kind)
             part.others(contract.message(kind)(count=count))
@@ -49,41 +49,56 @@ def encoder(asked: Asked, matrix: Any) -> Encoder:
     return whole
 
 
-def _error(fault: Any) -> FailedPrecondition:
-    value = f" = {fault.value}" if fault.value else ""
-    place = f"{fault.field}[{fault.index}]" if fault.HasField("index") else fault.field
-    return FailedPrecondition(f"{place}{value}: {fault.bound}")
+def _error(message: Any) -> FailedPrecondition:
+    value = f" = {message.value}" if message.value else ""
+    place = f"{message.field}[{message.index}]" if message.HasField("index") else message.field
+    return FailedPrecondition(f"{place}{value}: {message.bound}")
 
 
-def answer(message: Any, arrays: dict[str, Any], path: str) -> SensitivityAnswer:
+def answer(message: Any, arrays: records.Arrays, path: str) -> SensitivityAnswer:
     """A Sensitivity whose arrays stand under `path` in `arrays`."""
     if message.HasField("error"):
         return SensitivityAnswer(_error(message.error))
 
     def array(name: str) -> Vector:
-        values: Vector = arrays.get(path + name, np.zeros(0))
-        return values
-
-    def indices(values: Any) -> Any:
-        return np.fromiter(values, np.int32, len(values))
+        return arrays.get(path + name, np.zeros(0))
 
     rows = error = None
     if message.HasField("rows"):
         if message.rows.HasField("error"):
             error = _error(message.rows.error)
         else:
-            rows = derivatives.response(*(array("rows." + name)
-                                          for name in ("values", "free", "response", "z", "columns")))
-    count = len(message.changes.holds)
-    losses = array("gradients.numbers.gradient").size // max(1, array_size(arrays, path))
-    return SensitivityAnswer(
-        None, indices(message.weak_inequalities), indices(message.biactive_pairs), rows, error,
-        derivatives.by_part({letter: array("changes.vectors." + name) for letter, name in _ANSWER.items()}, count),
-        np.fromiter(message.changes.holds, np.bool_, count), indices(message.changes.missing),
-        derivatives.by_part({letter: array("gradients.numbers." + name) for letter, name in _NUMBERS.items()}, losses),
-        indices(message.gradients.missing), message.factorizations, message.back_substitutions)
+            rows = tuple(array("rows." + name) for name in RESPONSE)
+    n = arrays.get(path.removesuffix("sensitivity.") + "z", np.zeros(0)).size
+    changes, gradients = message.changes, message.gradients
+    return _answer(
+        {letter: array("changes.vectors." + name) for letter, name in SOLUTION_VECTORS.items()},
+        {letter: array("gradients.numbers." + name) for letter, name in _NUMBERS.items()}, n, rows,
+        weak_inequalities=message.weak_inequalities, biactive_pairs=message.biactive_pairs, rows_error=error,
+        holds=changes.holds, missing_changes=changes.missing, missing_gradients=gradients.missing,
+        factorizations=message.factorizations, back_substitutions=message.back_substitutions)
 
 
-def array_size(arrays: dict[str, Any], path: str) -> int:
-    """n, of the answer that a Sensitivity belongs to."""
-    return int(arrays.get(path.removesuffix("sensitivity.") + "z", np.zeros(0)).size)
+def core_answer(values: dict[str, Any] | None, n: int) -> SensitivityAnswer | None:
+    """The same of marble._core; n: the number of variables."""
+    if values is None:
+        return None
+    for name in ("error", "rows_error"):
+        if (error := values.get(name)) is not None:
+            values[name] = from_core(*error)
+    if values.get("error") is not None:
+        return SensitivityAnswer(values["error"])
+    rows = values.pop("rows", None)
+    changes, gradients = ({part: np.asarray(numbers) for part, numbers in values.pop(name).items()}
+                          for name in ("changes", "gradients"))
+    if rows is not None:
+        rows = [np.asarray(part, np.float64) for part in rows]
+    return _answer(changes, gradients, n, rows, **values)
+
+
+def _answer(changes: dict[str, Vector], gradients: dict[str, Vector], n: int, rows: Any,
+            **others: Any) -> SensitivityAnswer:
+    losses = gradients["g"].size // max(1, n)
+    return records.of_core(SensitivityAnswer, others, rows=None if rows is None else derivatives.response(*rows),
+                           changes=derivatives.by_part(changes, len(others["holds"])),
+                           gradients=derivatives.by_part(gradients, losses))

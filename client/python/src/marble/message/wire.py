@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from marble.base import contract
 
-_BYTES, _FIXED64, _FIXED32, _VARINT = 2, 1, 5, 0
+_BYTES, _FIXED64, _VARINT = 2, 1, 0
 
 
 def _varint(value: int) -> bytes:
@@ -116,26 +116,37 @@ def _split(data: bytes, at: int, end: int, name: str, path: str, arrays: dict[st
     """Takes the arrays out of data[at:end], and returns the rest."""
     wanted = _arrays_of(name)
     rest: list[bytes] = []
+    kept = at  # from here on nothing was taken out
     while at < end:
         begin = at
-        key, at = _read_varint(data, at)
+        key = data[at]  # most numbers have a single byte
+        at += 1
+        if key > 0x7F:
+            key, at = _read_varint(data, begin)
         kind = key & 7
         if kind == _BYTES:
-            size, at = _read_varint(data, at)
-            stop = at + size
+            stop = data[at]
+            at += 1
+            if stop > 0x7F:
+                stop, at = _read_varint(data, at - 1)
+            stop += at
         elif kind == _VARINT:
-            _, stop = _read_varint(data, at)
+            stop = at + 1
+            while data[stop - 1] > 0x7F:
+                stop += 1
         else:
-            stop = at + {_FIXED64: 8, _FIXED32: 4}[kind]
-        field, inner = wanted.get(key >> 3, ("", ""))
-        if not field or kind != _BYTES:
-            rest.append(data[begin:stop])
-        elif inner:
-            body = _split(data, at, stop, inner, path + field + ".", arrays)
-            rest += [_varint(key), _varint(len(body)), body]
-        else:
-            arrays[path + field] = np.frombuffer(data, dtype="<f8", count=(stop - at) // 8, offset=at).astype(float)
+            stop = at + (8 if kind == _FIXED64 else 4)
+        if kind == _BYTES and (key >> 3) in wanted:
+            field, inner = wanted[key >> 3]
+            rest.append(data[kept:begin])
+            kept = stop
+            if inner:
+                body = _split(data, at, stop, inner, f"{path}{field}.", arrays)
+                rest += (_varint(key), _varint(len(body)), body)
+            else:
+                arrays[path + field] = np.frombuffer(data, "<f8", (stop - at) // 8, at).astype(float)
         at = stop
+    rest.append(data[kept:end])
     return b"".join(rest)
 
 

@@ -1,14 +1,15 @@
-"""Problems that rows tie together: how they are solved, and what comes of it."""
+"""Problems coupled by rows, or one problem in pieces: the data, and the solution."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from marble.base.fields import named
 from marble.base.tables import Status
 from marble.errors import InvalidArgument
 from marble.model.lcqp import LCQP, MatrixLike, Vector, matrix, vector
@@ -20,10 +21,10 @@ _STAGES: Final = 2**31 - 1
 
 @dataclass(frozen=True, eq=False)
 class Coupled:
-    """Blocks and what ties them: min Σ f_k(z_k), each z_k feasible for its own problem, Σ E_k z_k = total.
+    """Blocks and their coupling rows: min Σ f_k(z_k), each z_k feasible for its own problem, Σ E_k z_k = total.
 
-    blocks: at least one. coupling: E_k for each block, m × n_k; None where no row sees it. total: m numbers.
-    prices: of the rows, to begin with, m; None is zeros.
+    blocks: at least one. coupling: E_k for each block, m × n_k; None where it is in no row. total: m numbers.
+    prices: initial multipliers of the rows, m; None is zeros.
     """
 
     blocks: Sequence[LCQP | Problem]
@@ -46,7 +47,7 @@ class Pieces:
 
 
 @dataclass(frozen=True, eq=False)
-class Tied:
+class Checked:
     """A Coupled, checked: E_k as csc matrices."""
 
     blocks: Sequence[tuple[LCQP, Any]]
@@ -56,37 +57,38 @@ class Tied:
 
 @dataclass(frozen=True)
 class Coordination:
-    """How the blocks came to agree, or did not.
+    """How the coordination of the blocks ended.
 
-    status, detail: SOLVED where they agree, ITERATION_LIMIT where they do not yet; else that of the block `failed`.
-    iterations: of the coordinator. violation: of the rows between the blocks. step: the largest of a price.
-    proximal: the last ρ. frozen_at: the iteration in which pairs were frozen, 0 never; flips: pairs that took their
-    other side then. factorizations: of all blocks. objective: Σ f_k before the joint solve.
-    sweep_objective, sweep_factorizations: of pieces, solved one after the other before they agreed; None and 0 else.
+    status, detail: SOLVED if the blocks agree, ITERATION_LIMIT if they do not yet; else that of the block `failed`.
+    iterations: of the coordinator. violation: of the coupling rows. step: the largest of a multiplier.
+    proximal: the last ρ. frozen_at: the iteration in which pairs were frozen, 0 never; flips: switches of pairs
+    then. factorizations: of all blocks. objective: Σ f_k before the joint solve.
+    sweep_objective, sweep_factorizations: of the forward pass over pieces; None and 0 without one.
     """
 
     status: Status
     detail: str
     iterations: int
-    violation: float
+    violation: float = field(metadata=named("coupling_violation"))
     step: float
     proximal: float
     frozen_at: int
     flips: int
     factorizations: int
-    objective: float
-    failed: int | None
+    objective: float = field(metadata=named("blocks_objective"))
+    failed: int | None = field(metadata=named("failed_block"))
     sweep_objective: float | None
     sweep_factorizations: int
 
 
 @dataclass(frozen=True, eq=False)
-class CoupledAnswer:
-    """The answer to blocks.
+class CoupledSolution:
+    """The solution of coupled blocks.
 
-    status, detail, objective: of the joint problem. z: of each block. prices: of the rows, m. solution: the whole, all
-    blocks' vectors one after the other, the prices the last of y. coordination: how they came to it. repeated: of
-    blocks in sessions, steps that were asked for again, since the session or its server was lost.
+    status, detail, objective: of the joint problem. z: of each block. prices: multipliers of the
+    rows, m. solution: of the joint problem, all blocks' vectors one after the other, the prices the last of y.
+    coordination: of the blocks. repeated: of blocks in sessions, steps that were repeated because the session or its
+    server was lost.
     """
 
     status: Status
@@ -101,10 +103,10 @@ class CoupledAnswer:
 
 
 @dataclass(frozen=True, eq=False)
-class PiecesAnswer:
-    """The answer to a problem in pieces.
+class PiecesSolution:
+    """The solution of a problem in pieces.
 
-    solution: of the problem itself. coordination: how the pieces came to it. repeated: as in CoupledAnswer, of pieces.
+    solution: of the problem itself. coordination: of the pieces. repeated: as in CoupledSolution, of pieces.
     """
 
     solution: Solution
@@ -113,24 +115,24 @@ class PiecesAnswer:
     repeated: int = 0
 
 
-def checked(wish: Coupled) -> Tied:
-    """InvalidArgument of what does not fit together."""
-    total = vector(wish.total, "total")
-    if not wish.blocks:
+def checked(coupled: Coupled) -> Checked:
+    """Raises InvalidArgument where parts do not fit together."""
+    total = vector(coupled.total, "total")
+    if not coupled.blocks:
         raise InvalidArgument("blocks", "must be at least one")
-    if len(wish.coupling) != len(wish.blocks):
-        raise InvalidArgument("coupling", f"must be {len(wish.blocks)}, one a block", value=len(wish.coupling))
+    if len(coupled.coupling) != len(coupled.blocks):
+        raise InvalidArgument("coupling", f"must be {len(coupled.blocks)}, one a block", value=len(coupled.coupling))
     blocks: list[tuple[LCQP, Any]] = []
-    for k, (block, coupling) in enumerate(zip(wish.blocks, wish.coupling, strict=True)):
+    for k, (block, coupling) in enumerate(zip(coupled.blocks, coupled.coupling, strict=True)):
         lcqp = compiled(block)
         rows = None if coupling is None else matrix(coupling, f"coupling[{k}]", lcqp.g.size, total.size)
         blocks.append((lcqp, rows))
-    return Tied(blocks, total, None if wish.prices is None else vector(wish.prices, "prices", total.size))
+    return Checked(blocks, total, None if coupled.prices is None else vector(coupled.prices, "prices", total.size))
 
 
-def stages_of(problem: LCQP, wish: Pieces) -> NDArray[np.integer[Any]]:
-    """Of each variable its stage."""
-    stages = np.asarray(wish.stages)
+def stages_of(problem: LCQP, pieces: Pieces) -> NDArray[np.integer[Any]]:
+    """The stage of each variable."""
+    stages = np.asarray(pieces.stages)
     if stages.shape != problem.g.shape or not np.issubdtype(stages.dtype, np.integer) or stages.min(initial=0) < 0:
         raise InvalidArgument("stages", f"must be {problem.g.size} whole numbers >= 0, one a variable")
     if (largest := stages.max(initial=0)) >= _STAGES:  # else they wrap around
@@ -138,12 +140,12 @@ def stages_of(problem: LCQP, wish: Pieces) -> NDArray[np.integer[Any]]:
     return stages
 
 
-def answer_of(solution: Solution, blocks: Sequence[LCQP | Problem], prices: Vector,
-              coordination: Coordination) -> CoupledAnswer:
-    """What the solution of the joint problem says, block by block."""
+def solution_of(solution: Solution, blocks: Sequence[LCQP | Problem], prices: Vector,
+              coordination: Coordination) -> CoupledSolution:
+    """The solution of the joint problem, block by block."""
     sizes = [compiled(block).g.size for block in blocks]
     if sum(sizes) != solution.z.size:
         raise InvalidArgument("blocks", f"must have {solution.z.size} variables, as the answer has", value=sum(sizes))
     z = tuple(np.split(solution.z, np.cumsum(sizes)[:-1]))
-    return CoupledAnswer(solution.status, solution.detail, solution.objective, z, prices, solution, coordination,
+    return CoupledSolution(solution.status, solution.detail, solution.objective, z, prices, solution, coordination,
                          solution.job_id)

@@ -1,21 +1,22 @@
-"""Derivatives of an answer by its problem's numbers: what may be asked with a solve, and what is told."""
+"""Derivatives of a solution with respect to its problem's numbers: requests with a solve, and results."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from marble.base.fields import SOLUTION_VECTORS
 from marble.base.tables import MATRICES, VECTORS
 from marble.errors import Error, InvalidArgument
 from marble.model import lcqp
 from marble.model.lcqp import LCQP, MatrixLike, Vector
 
 LETTERS: Final = (*VECTORS, *MATRICES)
-ANSWER: Final = ("z", "y", "nu", "xi", "eta")
+ANSWER: Final = tuple(SOLUTION_VECTORS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,8 @@ class RowResponse:
     columns: NDArray[np.float64]
 
 
+RESPONSE: Final = tuple(part.name for part in fields(RowResponse))
+
 @dataclass(frozen=True, eq=False)
 class SensitivityRequest:
     """What is asked of an answer's derivatives with a solve. All are of its branch: rows at zero stay there.
@@ -56,8 +59,8 @@ class SensitivityRequest:
     rows: E, m × n, dense or any scipy.sparse: their response to a price. proximal: n numbers ≥ 0, a diagonal that was
     added to Q, without which the response is wanted; costs one more factorization. g: n, the linear cost in place of
     the problem's own, for free and z of the response. columns: z and columns of it are wanted too.
-    directions: each new numbers less the old ones by the letters of the equation, as Sensitivity.along takes them.
-    losses: each a loss's derivatives by z, y, nu, xi and eta, as Sensitivity.gradient takes them.
+    directions: each new numbers less the old ones by the letters of the equation, as Sensitivity.jvp takes them.
+    losses: each a loss's derivatives by z, y, nu, xi and eta, as Sensitivity.vjp takes them.
     """
 
     rows: MatrixLike | None = None
@@ -162,7 +165,7 @@ def asked(request: SensitivityRequest, problem: LCQP) -> Asked:
 
 
 def response(values: Vector, free: Vector, packed: Vector, z: Vector, columns: Vector) -> RowResponse:
-    """Of what the solver tells: the upper triangle by columns, and columns one after the other."""
+    """A RowResponse of the solver's numbers: the upper triangle by columns, and columns one after the other."""
     m = values.size
     full = np.zeros((m, m))
     j, i = np.tril_indices(m)

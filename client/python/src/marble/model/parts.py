@@ -1,4 +1,4 @@
-"""Problems and what changes of them as marble._core tells them."""
+"""Problems and their changes in the form of marble._core."""
 
 from __future__ import annotations
 

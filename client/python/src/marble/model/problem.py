@@ -274,6 +274,18 @@ def in_terms_of(problem: LCQP | Problem, solution: Solution) -> Solution:
     return problem.translate(solution) if isinstance(problem, Problem) else solution
 
 
+def without_objective(problem: LCQP | Problem) -> LCQP | Problem:
+    """The problem with ½ zᵀz in place of its objective, as `marble explain` has it.
+
+    Any objective will do to find a feasible point, and a convex problem is more often proved infeasible.
+    """
+    if isinstance(problem, Problem):
+        other = problem.copy()
+        return other.minimize(sp.identity(other.n, format="csc"))
+    lcqp = compiled(problem)
+    return lcqp.replaced(Q=sp.identity(lcqp.n, format="csc"), g=np.zeros(lcqp.n), c0=0.0)
+
+
 def problem_of(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None, A: MatrixLike | None,
                b: ArrayLike | None, C: MatrixLike | None, d: ArrayLike | None, L: MatrixLike | None,
                l: ArrayLike | None, R: MatrixLike | None, r: ArrayLike | None, c0: float, z0: ArrayLike | None,

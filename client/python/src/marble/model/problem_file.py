@@ -65,7 +65,7 @@ def _read_matrix(part: Any, field: str, n: int) -> Any:
 
 
 def parse(text: str | bytes, name: str = "") -> LCQP:
-    """The problem in a file's text; `name` is its name if the text has none. InvalidProblem tells field and index."""
+    """The problem in a file's text; `name` is its name if the text has none. InvalidProblem has field and index."""
     try:
         content = json.loads(text, object_pairs_hook=_unique)
     except (json.JSONDecodeError, UnicodeDecodeError) as error:

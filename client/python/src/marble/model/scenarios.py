@@ -1,4 +1,4 @@
-"""One plan for many worlds: what differs by world, and what comes of it."""
+"""Two-stage problems with scenarios: the data that differ by scenario, and the solution."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ PARTS: Final = ("c0", "g", "b", "d", "l", "r", "Q", "A", "C", "L", "R")
 
 DISTRIBUTIONS: Final = ("uniform", "normal", "lognormal")
 
-World = LCQP | Problem | Mapping[str, ArrayLike]
+Scenario = LCQP | Problem | Mapping[str, ArrayLike]
 Entries = dict[str, NDArray[np.intp]]
 
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """A random number that is drawn once for each world where it is solved, and what it moves.
+    """A random number that is drawn once for each scenario, by the solver, and what it changes.
 
     moves: by part, of "c0", "g", "b", "d", "l", "r" or the values of "Q" (upper triangle), "A", "C", "L", "R" in the
     order of LCQP's csc_matrix: what one unit of the number adds to each of its entries; 0 leaves an entry alone.
@@ -47,26 +47,26 @@ class Quantity:
 
 @dataclass(frozen=True, eq=False)
 class Scenarios:
-    """Which variables are the plan, which worlds there are, and how many are looked at.
+    """The variables of the first stage, the scenarios, and how many of them are solved.
 
     first_stage: the variables that are decided once, by number or, of a Problem, by name; all others are decided anew
-    in every world.
-    sampler: what worlds are, one of
+    in every scenario.
+    sampler: the scenarios, one of
 
-    - a callable, which is given a numpy Generator of this world alone and returns what differs: {"l": …, "A": …}, each
-      a part as Quantity names them, or a whole LCQP or Problem of the base's pattern;
-    - {"l": array of as many rows as there are worlds, …};
-    - a list of Quantity: they are drawn where the worlds are solved.
+    - a callable, which is given a numpy Generator of this scenario alone and returns what differs: {"l": …, "A": …},
+      each a part as Quantity names them, or a whole LCQP or Problem of the base's pattern;
+    - {"l": array of as many rows as there are scenarios, …};
+    - a list of Quantity: they are drawn by the solver.
 
-    seed: of the generators; world i is a function of the seed and i alone. weights: of a mapping's worlds, > 0.
-    first_scenarios, growth, most_scenarios: levels have N = first_scenarios · growth^k worlds up to the most.
-    tolerance: ends when the 95 % interval of the cost in worlds not seen is this part of it; 0 never, and not before N
-    is least_scenarios, nor while a larger share than without_recourse of them has no way out. fresh_scenarios: in how
-    many of these a plan is tried at least.
+    seed: of the generators; scenario i is a function of the seed and i alone. weights: of a mapping's scenarios, > 0.
+    first_scenarios, growth, most_scenarios: levels have N = first_scenarios · growth^k scenarios up to the most.
+    tolerance: ends when the 95 % interval of the out-of-sample cost is this part of it; 0 never, and not before N is
+    least_scenarios, nor while a larger share of these scenarios than without_recourse is infeasible. fresh_scenarios:
+    in how many out-of-sample scenarios a plan is tried at least.
     """
 
     first_stage: Sequence[int | str] | NDArray[np.integer[Any]]
-    sampler: Callable[[np.random.Generator], World] | Mapping[str, ArrayLike] | Sequence[Quantity]
+    sampler: Callable[[np.random.Generator], Scenario] | Mapping[str, ArrayLike] | Sequence[Quantity]
     seed: int = 0
     weights: ArrayLike | None = None
     first_scenarios: int = 1
@@ -80,7 +80,7 @@ class Scenarios:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Worlds as rows of numbers of the same entries: by part which of its numbers, and one column for each of them."""
+    """Scenarios as rows of numbers of the same entries: by part which of its numbers, and a column for each."""
 
     entries: Entries
     values: NDArray[np.float64]
@@ -89,8 +89,8 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """What is asked for, checked: the plan's variables, which rows of the plan alone differ by world all the same, and
-    worlds as a table or, where that is None, as quantities with the gains of each by part.
+    """A checked request: the plan's variables, the rows of the plan alone that differ by scenario all the same, and the
+    scenarios as a table or, where that is None, as quantities with the gains of each by part.
     """
 
     plan: NDArray[np.intp]
@@ -116,10 +116,10 @@ class ScenarioEnd(enum.Enum):
 
 @dataclass(frozen=True)
 class OutOfSample:
-    """A plan in worlds that it has not seen, each with its best recourse.
+    """A plan in out-of-sample scenarios, each with its best recourse.
 
-    scenarios, without_recourse: that were tried, and those of them where the plan left no way out. mean, half_width: of
-    the costs of the others, the 95 % interval is mean ± half_width. factorizations, seconds: of all of them.
+    scenarios, without_recourse: that were tried, and those of them where the plan has no feasible recourse. mean,
+    half_width: of the costs of the others, the 95 % interval is mean ± half_width. factorizations, seconds: of all.
     """
 
     scenarios: int
@@ -132,11 +132,11 @@ class OutOfSample:
 
 @dataclass(frozen=True)
 class ScenarioLevel:
-    """What a level came to.
+    """The result of a level.
 
-    level: from 0. scenarios: N, worlds 0 … N − 1. status, detail, objective: of its LCQP; the objective is the mean
-    over the N. variables, pairs, factorizations, seconds, memory_bytes: of its LCQP. warm: it kept the branch of the
-    level before. searched: it was solved cold too. fresh: its plan in other worlds; None where none were tried.
+    level: from 0. scenarios: N, those numbered 0 … N − 1. status, detail, objective: of its LCQP; the objective is the
+    mean over the N. variables, pairs, factorizations, seconds, memory_bytes: of its LCQP. warm: it kept the branch of
+    the level before. searched: it was solved cold too. fresh: its plan out of sample; None where that was not tried.
     """
 
     level: int
@@ -154,15 +154,26 @@ class ScenarioLevel:
     fresh: OutOfSample | None = None
 
 
+@dataclass(eq=False, repr=False)
+class ScenarioOutcome:
+    """What a scenario solve returns beside the solution of its last level; see ScenarioSolution."""
+
+    end: ScenarioEnd
+    scenarios: int
+    first_stage: int
+    infeasible: tuple[int, ...]
+    levels: tuple[ScenarioLevel, ...]
+
+
 @dataclass(frozen=True, eq=False)
-class ScenarioAnswer:
-    """The newest plan that a level has proved good.
+class ScenarioSolution:
+    """The newest plan of a solved level.
 
     end: why it ended. status, detail: of the last level; TIME_LIMIT and CANCELLED where that ended it.
     scenarios: N of the level that x is of; 0 where none was solved, and all is empty. x: the plan, in the order of
-    first_stage. recourse: N rows, the other variables of each world in their order. objective, violations: over the N.
-    infeasible: numbers of worlds that have no plan even by themselves. levels: all of them.
-    solution: of the level's LCQP, whose z is x and then each world's recourse, rows and pairs likewise.
+    first_stage. recourse: N rows, the other variables of each scenario in their order. objective, violations: over the
+    N. infeasible: numbers of scenarios that are infeasible even by themselves. levels: all of them.
+    solution: of the level's LCQP, whose z is x and then each scenario's recourse, rows and pairs likewise.
     """
 
     end: ScenarioEnd
@@ -192,28 +203,29 @@ def _checked(problem: LCQP, part: str, values: ArrayLike, place: str) -> Vector:
     return vector(values, f"{place}[{part!r}]", numbers(problem, part).size)
 
 
-def _world(problem: LCQP, given: World, place: str) -> dict[str, Vector]:
+def _differences(problem: LCQP, given: Scenario, place: str) -> dict[str, Vector]:
     if isinstance(given, Mapping):
         return {part: _checked(problem, part, values, place) for part, values in given.items()}
-    world = compiled(given)
+    whole = compiled(given)
     for part in PARTS:
-        mine, other = getattr(problem, part), getattr(world, part)
+        mine, other = getattr(problem, part), getattr(whole, part)
         same = part == "c0" or (mine.shape == other.shape and (part not in MATRICES or (
             np.array_equal(mine.indptr, other.indptr) and np.array_equal(mine.indices, other.indices))))
         if not same:
             raise InvalidProblem(f"{place}.{part}", "must have the base problem's pattern")
-    return {part: numbers(world, part) for part in PARTS}
+    return {part: numbers(whole, part) for part in PARTS}
 
 
-def _drawn(problem: LCQP, wish: Scenarios) -> tuple[list[dict[str, Vector]], Vector]:
-    """What differs, world by world, and the weights."""
-    sampler = wish.sampler
+def _drawn(problem: LCQP, asked: Scenarios) -> tuple[list[dict[str, Vector]], Vector]:
+    """The differences of each scenario, and the weights."""
+    sampler = asked.sampler
     if callable(sampler):
-        if wish.weights is not None:
-            raise InvalidArgument("weights", "must be None: worlds of a callable weigh alike")
-        count = int(wish.most_scenarios) + max(int(wish.fresh_scenarios), 0)
-        return [_world(problem, sampler(np.random.Generator(np.random.Philox(key=wish.seed, counter=[0, 0, 0, i]))),
-                       f"scenario[{i}]") for i in range(count)], np.zeros(0)
+        if asked.weights is not None:
+            raise InvalidArgument("weights", "must be None: scenarios of a callable have equal weights")
+        count = int(asked.most_scenarios) + max(int(asked.fresh_scenarios), 0)
+        generators = (np.random.Generator(np.random.Philox(key=asked.seed, counter=[0, 0, 0, i])) for i in range(count))
+        return [_differences(problem, sampler(generator), f"scenario[{i}]")
+                for i, generator in enumerate(generators)], np.zeros(0)
     if not isinstance(sampler, Mapping) or not sampler:
         raise InvalidArgument("sampler", "must be a callable, arrays by part, or a list of Quantity")
     arrays = {part: np.atleast_1d(real(rows, part)) for part, rows in sampler.items()}
@@ -221,27 +233,27 @@ def _drawn(problem: LCQP, wish: Scenarios) -> tuple[list[dict[str, Vector]], Vec
     if len(counts) != 1:
         raise InvalidArgument("sampler", "must have as many rows in every array", value=sorted(counts))
     count = counts.pop()
-    weights = np.zeros(0) if wish.weights is None else vector(wish.weights, "weights", count)
-    return [_world(problem, {part: rows[i] for part, rows in arrays.items()}, f"scenario[{i}]")
+    weights = np.zeros(0) if asked.weights is None else vector(asked.weights, "weights", count)
+    return [_differences(problem, {part: rows[i] for part, rows in arrays.items()}, f"scenario[{i}]")
             for i in range(count)], weights
 
 
-def table(problem: LCQP, wish: Scenarios) -> Table:
-    """The worlds of a callable or of arrays: the numbers that are not the base's in all of them."""
-    worlds, weights = _drawn(problem, wish)
+def table(problem: LCQP, asked: Scenarios) -> Table:
+    """The scenarios of a callable or of arrays: the numbers that are not the base's in all of them."""
+    scenarios, weights = _drawn(problem, asked)
     entries: Entries = {}
     columns = []
     for part in PARTS:
         base = numbers(problem, part)
-        if not base.size or all(part not in world for world in worlds):
+        if not base.size or all(part not in one for one in scenarios):
             continue
-        rows = np.stack([world.get(part, base) for world in worlds])
+        rows = np.stack([one.get(part, base) for one in scenarios])
         places = np.flatnonzero((rows != base).any(axis=0))
         if places.size:
             entries[part] = places
             columns.append(rows[:, places])
-    if not entries:  # all worlds are the base
-        entries, columns = {"c0": np.zeros(1, dtype=np.intp)}, [np.full((len(worlds), 1), problem.c0)]
+    if not entries:  # all scenarios are the base
+        entries, columns = {"c0": np.zeros(1, dtype=np.intp)}, [np.full((len(scenarios), 1), problem.c0)]
     return Table(entries, np.concatenate(columns, axis=1), weights)
 
 
@@ -251,9 +263,9 @@ def moved(problem: LCQP, quantities: Sequence[Quantity]) -> list[dict[str, Vecto
             for q, quantity in enumerate(quantities)]
 
 
-def plan_of(problem: LCQP | Problem, wish: Scenarios) -> NDArray[np.intp]:
+def plan_of(problem: LCQP | Problem, asked: Scenarios) -> NDArray[np.intp]:
     """Numbers of the first stage's variables, ascending, as they were given."""
-    indices = [problem.index(v) if isinstance(problem, Problem) else int(v) for v in wish.first_stage]
+    indices = [problem.index(v) if isinstance(problem, Problem) else int(v) for v in asked.first_stage]
     plan = np.array(indices, dtype=np.intp)
     n = compiled(problem).n
     if not plan.size or (plan < 0).any() or (plan >= n).any() or (np.diff(plan) <= 0).any():
@@ -262,7 +274,7 @@ def plan_of(problem: LCQP | Problem, wish: Scenarios) -> NDArray[np.intp]:
 
 
 def own_rows(problem: LCQP, plan: NDArray[np.intp], entries: Sequence[Entries]) -> tuple[Any, Any, Any]:
-    """Equalities, inequalities and pairs of the plan alone that differ by world all the same."""
+    """Equalities, inequalities and pairs of the plan alone that differ by scenario all the same."""
     second = np.ones(problem.n, dtype=bool)
     second[plan] = False
     of_plan = {letter: np.asarray(abs(getattr(problem, letter)) @ second.astype(float)).reshape(-1) == 0
@@ -277,15 +289,15 @@ def own_rows(problem: LCQP, plan: NDArray[np.intp], entries: Sequence[Entries]) 
     return result[0], result[1], result[2]
 
 
-def drawn(problem: LCQP | Problem, wish: Scenarios) -> Drawn:
-    """What differs by world, as it is sent or solved here."""
-    lcqp, plan = compiled(problem), plan_of(problem, wish)
-    if not (isinstance(wish.sampler, Sequence) and all(isinstance(one, Quantity) for one in wish.sampler)):
-        worlds = table(lcqp, wish)
-        return Drawn(plan, *own_rows(lcqp, plan, [worlds.entries]), worlds, ())
-    quantities: Sequence[Any] = wish.sampler
-    if not 0 <= wish.seed < 2**64:
-        raise InvalidArgument("seed", "must be in [0, 2**64)", value=wish.seed)
+def drawn(problem: LCQP | Problem, asked: Scenarios) -> Drawn:
+    """The data that differ by scenario, as a message and marble._core take them."""
+    lcqp, plan = compiled(problem), plan_of(problem, asked)
+    if not (isinstance(asked.sampler, Sequence) and all(isinstance(one, Quantity) for one in asked.sampler)):
+        rows = table(lcqp, asked)
+        return Drawn(plan, *own_rows(lcqp, plan, [rows.entries]), rows, ())
+    quantities: Sequence[Any] = asked.sampler
+    if not 0 <= asked.seed < 2**64:
+        raise InvalidArgument("seed", "must be in [0, 2**64)", value=asked.seed)
     for quantity in quantities:
         if quantity.distribution not in DISTRIBUTIONS:
             raise InvalidArgument("distribution", "must be uniform, normal or lognormal",
@@ -295,10 +307,10 @@ def drawn(problem: LCQP | Problem, wish: Scenarios) -> Drawn:
     return Drawn(plan, *own_rows(lcqp, plan, entries), None, list(zip(quantities, moves, strict=True)))
 
 
-def answer_of(solution: Solution, end: ScenarioEnd, count: int, first_stage: int, infeasible: Sequence[int],
-              levels: Sequence[ScenarioLevel]) -> ScenarioAnswer:
-    """What the solution of a level's LCQP says: the plan, and `count` recourses."""
-    x, rest = solution.z[:first_stage], solution.z[first_stage:]
-    return ScenarioAnswer(end, solution.status, solution.detail, count, x,
-                          rest.reshape(count, -1) if count else np.zeros((0, 0)), solution.objective,
-                          solution.violations, tuple(infeasible), tuple(levels), solution, solution.job_id)
+def solution_of(solution: Solution, outcome: ScenarioOutcome) -> ScenarioSolution:
+    """The plan and the recourses in the solution of the last level's LCQP."""
+    x, rest = solution.z[:outcome.first_stage], solution.z[outcome.first_stage:]
+    return ScenarioSolution(
+        outcome.end, solution.status, solution.detail, outcome.scenarios, x,
+        rest.reshape(outcome.scenarios, -1) if outcome.scenarios else np.zeros((0, 0)), solution.objective,
+        solution.violations, outcome.infeasible, outcome.levels, solution, solution.job_id)

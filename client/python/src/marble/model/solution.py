@@ -1,4 +1,4 @@
-"""The answer of a solve, solved or not."""
+"""The result of a solve, solved or not."""
 
 from __future__ import annotations
 
@@ -80,13 +80,13 @@ class Times:
     tree_s: float = 0.0
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Solution:
-    """An answer, in the problem's units. At a solution Q z + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0, ν ≥ 0.
+    """The result of a solve, in the problem's units. At a solution Q z + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0, ν ≥ 0.
 
     status, detail: why the solve ended, and one sentence with the numbers behind it.
-    origin: where z comes from: PREVIOUS where a session's solve was cut off and only the solution before it, moved on,
-    is feasible. z: the point, n. y: multipliers of A z + b = 0, n_e, free sign. nu: of C z + d ≥ 0, n_i. xi, eta: of
+    origin: where z comes from: PREVIOUS where a session's solve was cut off and only the shifted solution before it is
+    feasible. z: the point, n. y: multipliers of A z + b = 0, n_e, free sign. nu: of C z + d ≥ 0, n_i. xi, eta: of
     the two sides of the pairs, n_c.
     s, t: the sides L z + l and R z + r, n_c.
     certificate: for INFEASIBLE (y, ν, ξ, η) stacked, with bᵀy − dᵀν − lᵀξ − rᵀη = 1 and Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0 to
@@ -104,10 +104,10 @@ class Solution:
     with instead of the root.
     iterations, factorizations: counts. times: seconds. options: every option as it was used. cold_objective: what a
     cold start last reached on the way here. job_id: the server's.
-    problem: what was solved. sensitivity: the derivatives that were asked for with the solve; None where none were.
+    problem: what was solved. sensitivity: the derivatives that were requested with the solve; None without.
     conflict: with option explain, the parts that make the problem infeasible; None where it is not proved to be.
-    reopened: whether the session was set up again since its last answer, as its server was lost: it has started at the
-    last z, but with nothing else that the session knew.
+    reopened: whether the session was set up again since its last solution because its server was lost: it has started
+    at the last z, without the rest of the session's state.
 
     Of a marble.Problem also, in its own terms, both empty otherwise:
     row_duals: one multiplier a two-sided row lb ≤ a z ≤ ub, in the order of adding. bound_duals: one a variable, n.
@@ -117,7 +117,7 @@ class Solution:
 
     status: Status
     detail: str
-    origin: PointOrigin
+    origin: PointOrigin = PointOrigin.SOLVE
     z: Vector
     y: Vector
     nu: Vector
@@ -131,8 +131,8 @@ class Solution:
     b_stationary: bool | None
     second_order: SecondOrder | None
     proved: bool
-    bound: float
-    gap: float
+    bound: float = -math.inf
+    gap: float = math.inf
     nodes: int
     open_nodes: int
     warm_nodes: int
@@ -294,11 +294,11 @@ class Progress:
 
 
 Options = Mapping[str, Any]
-"""Solver options by name; Client.info().options tells each one's default, range and meaning."""
+"""Solver options by name; Client.info().options has each one's default, range and meaning."""
 
 
 def warn_if_almost(answer: Solution, stacklevel: int = 3) -> None:
-    """AlmostSolved for an answer that the tool has no other word for."""
+    """Warns AlmostSolved of a solution whose status the modelling tool cannot express."""
     if answer.status is Status.SOLVED_REDUCED:
         worst = max(answer.violations.equality, answer.violations.inequality, answer.violations.complementarity)
         warnings.warn(f"almost solved: violation {worst:.1e}, KKT residual {answer.kkt_residual:.1e}; {answer.detail}",

@@ -26,7 +26,7 @@ from marble.errors import InvalidArgument
 from marble.nlp.from_jax import JaxFunctions
 from marble.nlp.functions import Multipliers, TwoSided, broadcast, problem_of, vector
 from marble.nlp.levels import Estimate, Level, RetrospectiveAnswer, retrospective, uniform
-from marble.nlp.loop import Answer, Iteration, Settings, answer_of, run
+from marble.nlp.loop import Answer, Iteration, Settings, run
 from marble.nlp.real_time import RealTime, RealTimeTick
 
 __all__ = ["Answer", "Estimate", "Iteration", "JaxFunctions", "Level", "Multipliers", "RealTime", "RealTimeTick",
@@ -53,7 +53,7 @@ def solve(
     InvalidArgument names the function, and the row as index.
     """
     problem = problem_of(values, derivatives, hessian, x0, lower, upper, scale, blocks)
-    return answer_of(run("solve_nonlinear", problem, settings))
+    return run("solve_nonlinear", problem, settings)
 
 
 def solve_casadi(

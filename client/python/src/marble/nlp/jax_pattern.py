@@ -239,18 +239,18 @@ class _Tracer:
         constants, carried = params["num_consts"], params["num_carry"]
         fixed, carry, series = given[:constants], given[constants:constants + carried], given[constants + carried:]
         inner, length = params["jaxpr"], params["length"]
-        told: list[list[_Traced]] = []
+        collected: list[list[_Traced]] = []
         for step in range(length)[::-1] if params["reverse"] else range(length):
             outputs = self.run(inner.jaxpr, inner.consts, [*fixed, *carry, *(_part(each, step) for each in series)])
             carry = outputs[:carried]
-            told.append(outputs[carried:])
+            collected.append(outputs[carried:])
         if params["reverse"]:
-            told.reverse()
+            collected.reverse()
         stacked = []
-        for parts in zip(*told, strict=True):
+        for parts in zip(*collected, strict=True):
             known = None if any(p.known is None for p in parts) else np.stack([np.asarray(p.known) for p in parts])
             stacked.append(_Traced((length, *parts[0].shape), sp.vstack([p.rows for p in parts], format="csr"), known))
-        if not told:
+        if not collected:
             return [*carry, *(_independent(v.aval.shape, self._size) for v in inner.jaxpr.outvars[carried:])]
         return [*carry, *stacked]
 

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from marble.base.tables import Status
 from marble.errors import InvalidArgument
-from marble.in_process import solver
+from marble.in_process.core import core
+from marble.message import records
 from marble.nlp.functions import Multipliers, problem_of
-from marble.nlp.loop import Answer, answer_of, decoded, run
+from marble.nlp.loop import Answer, run
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def uniform(seed: int, first: int, count: int, numbers: int = 1) -> NDArray[np.f
                               ("numbers", numbers, 2**31)):
         if not 0 <= value < most:
             raise InvalidArgument(name, f"must be >= 0 and < {most}; it is {value}")
-    return np.asarray(solver.core().uniform(seed, first, count, numbers)).reshape(count, numbers)
+    return np.asarray(core().uniform(seed, first, count, numbers)).reshape(count, numbers)
 
 
 def retrospective(
@@ -105,23 +106,21 @@ def retrospective(
     of the merit, 0.5 of the step) times its first value, plus tolerance/√N. The level that would have more than
     largest_samples has these, and is the last.
 
-    sample_cost(x, i): the cost of sample i; with it each level is judged by fresh_samples that it has not seen. level:
-    told after every one. settings: `Settings` by their names, of which iteration_limit is of each level and
+    sample_cost(x, i): the cost of sample i; with it each level is evaluated on fresh_samples out-of-sample ones. level:
+    receives every one. settings: `Settings` by their names, of which iteration_limit is of each level and
     time_limit_s of all; the rest as `solve` has it. Errors: InvalidArgument, and what a function raises.
     """
     N = 0
-    told: list[Level] = []
+    reached: list[Level] = []
 
     def use_samples(count: int) -> None:
         nonlocal N
         N = count
 
-    def tell(row: dict[str, Any]) -> None:
-        row = decoded(row)
-        row["estimate"] = None if row["estimate"] is None else Estimate(*row["estimate"])
-        told.append(Level(**row))
+    def report(row: dict[str, Any]) -> None:
+        reached.append(records.of_core(Level, row))
         if level is not None:
-            level(told[-1])
+            level(reached[-1])
 
     def of_hessian(x: NDArray[np.float64], multipliers: Multipliers) -> Any:
         assert hessian is not None
@@ -133,5 +132,5 @@ def retrospective(
                "test": test, "reduction": reduction, "tolerance": tolerance, "carry_curvature": carry_curvature,
                "fresh_samples": fresh_samples}
     cost = None if sample_cost is None else lambda x, i: float(sample_cost(np.asarray(x), i))
-    answer = run("solve_retrospective", problem, settings, growing, use_samples, cost, tell)
-    return RetrospectiveAnswer(answer_of(answer), told)
+    answer = run("solve_retrospective", problem, settings, growing, use_samples, cost, report)
+    return RetrospectiveAnswer(answer, reached)

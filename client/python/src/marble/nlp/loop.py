@@ -1,4 +1,4 @@
-"""The native loop: what it is asked, where its LCQPs are solved, and its answer."""
+"""Runs the nonlinear loops of marble._core: their settings, their subproblems and their solution."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import contextlib
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import marble
 from marble.base.tables import Status
-from marble.in_process import solver
+from marble.in_process.core import core, core_errors
+from marble.message import records
+from marble.message.request import core_options
 from marble.nlp import ticks
-
-_VECTORS: Final = frozenset(("x", "y", "nu", "xi", "eta", "bounds"))
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Settings:
-    """What the loop is told beside its problem, each by its name; further names are options of each LCQP.
+    """Settings of the loop, each by its name; further names are options of each LCQP.
 
     nonlinear_method: "sqpcc", the sequence of LCQPs; "slp", the same without curvature, for answers at a vertex; and to
     compare with, smooth methods that know no pairs: "penalty", "alag" (augmented Lagrangian) and "barrier", begun
@@ -70,7 +70,7 @@ class Settings:
 
     curvature: "exact", "gauss_newton", "bfgs" or "none"; "automatic" takes the first of the three for which there is
     what it needs. step_tolerance: longest step of a solved point, in units of scale. feasibility_tolerance: its largest
-    violation. radius: the first one of the trust region. progress: told of each iteration.
+    violation. radius: the first one of the trust region. progress: receives each Iteration.
 
     server: where the LCQPs are solved, each an update of a session; as in marble.solve: None is the server that
     MARBLE_SERVER names, and this process where it names none. The same bits. reopen: a session whose server is lost is
@@ -89,32 +89,19 @@ class Settings:
     reopen: bool = False
 
 
-def decoded(told: dict[str, Any]) -> dict[str, Any]:
-    """What the native library tells, with this package's statuses and arrays."""
-    for name in _VECTORS & told.keys():
-        told[name] = np.asarray(told[name])
-    told["status"] = Status(told["status"])
-    return told
-
-
-def answer_of(told: dict[str, Any]) -> Answer:
-    """The native library's answer as an object."""
-    return Answer(**decoded(told))
-
-
-def run(entry: str, problem: Mapping[str, Any], given: Mapping[str, Any], *more: Any) -> Any:
-    """Calls marble._core's function of that name, with the sessions that it asks for open until it ends.
+def run(entry: str, problem: Mapping[str, Any], given: Mapping[str, Any], *more: Any) -> Answer:
+    """Calls marble._core's function of that name; closes its sessions at the end.
 
     given: settings and options of each LCQP, by their names.
     """
-    core = solver.core()
     names = [field.name for field in fields(Settings)]
     settings = Settings(**{name: given[name] for name in names if name in given})
-    options = solver.option_values({name: value for name, value in given.items() if name not in names})
+    options = core_options({name: value for name, value in given.items() if name not in names})
     progress = settings.progress
-    tell = None if progress is None else lambda *row: progress(Iteration(*row))
+    report = None if progress is None else lambda *row: progress(Iteration(*row))
     main_thread = threading.get_ident() == threading.main_thread().ident
     with contextlib.ExitStack() as opened:
-        there = ticks.ticks_of(settings.server, opened, settings.reopen)
-        with solver.faults():
-            return getattr(core, entry)(problem, vars(settings), options, tell, there, main_thread, *more)
+        sessions = ticks.ticks_of(settings.server, opened, settings.reopen)
+        with core_errors():
+            values = getattr(core(), entry)(problem, vars(settings), options, report, sessions, main_thread, *more)
+    return records.of_core(Answer, values)

@@ -19,8 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 import marble
 from marble.base.tables import Status
 from marble.calls.shift import Shift
-from marble.in_process import solver
-from marble.nlp import functions, loop, ticks
+from marble.in_process.core import core, core_errors
+from marble.message import records
+from marble.message.request import core_options
+from marble.nlp import functions, ticks
 
 _FOREVER: Final = 1e9  # seconds
 
@@ -78,15 +80,14 @@ class RealTime:
         "elastic". radius: of steps, in units of scale. diagonal: added to the curvature, which cannot be "bfgs".
         server, reopen: as marble.nlp.Settings has them. options: of each LCQP.
         """
-        core = solver.core()
         problem = functions.problem_of(values, derivatives, hessian, x0, lower, upper, scale, None)
         settings = {"variables": list(variables), "equalities": list(equalities), "curvature": curvature,
                     "diagonal": diagonal, "radius": radius, "fallback": fallback,
                     "shift": None if shift is None else shift.blocks()}
         self._opened = contextlib.ExitStack()
         try:
-            with solver.faults():
-                self._loop = core.RealTimeLoop(problem, settings, solver.option_values(options),
+            with core_errors():
+                self._loop = core().RealTimeLoop(problem, settings, core_options(options),
                                                ticks.ticks_of(server, self._opened, reopen))
         except BaseException:
             self._opened.close()
@@ -94,18 +95,18 @@ class RealTime:
 
     def prepare(self) -> None:
         """Moves the plan on, calls the functions there and sends all that does not depend on the measurement."""
-        with solver.faults():
+        with core_errors():
             self._loop.prepare()
 
     def feedback(self, measurement: ArrayLike, deadline: float | None = None) -> RealTimeTick:
         """One LCQP: the plan's answer to a measurement, within `deadline` seconds. Prepares if that was not done."""
-        with solver.faults():
-            told = self._loop.feedback(functions.vector(measurement), _FOREVER if deadline is None else deadline)
-        return RealTimeTick(**loop.decoded(told))
+        with core_errors():
+            values = self._loop.feedback(functions.vector(measurement), _FOREVER if deadline is None else deadline)
+        return records.of_core(RealTimeTick, values)
 
     def restart(self, x: ArrayLike) -> None:
         """Another plan to go on from; it is not moved on first."""
-        with solver.faults():
+        with core_errors():
             self._loop.restart(functions.vector(x))
 
     def close(self) -> None:

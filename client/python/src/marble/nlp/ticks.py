@@ -25,17 +25,14 @@ Tick = Callable[[Mapping[str, Any], bool, float | None, Blocks, Any, bool], tupl
 
 def ticks_of(server: str | Sequence[str] | marble.Client | None, opened: contextlib.ExitStack,
              reopen: bool) -> Callable[..., Tick] | None:
-    """What marble._core asks for a session each time it has a problem of another pattern; None for this process.
+    """Opens a session for each pattern of marble._core's subproblems; None where marble._core solves them itself.
 
-    `opened` closes them. reopen: where the server of one is lost, it is set up again.
+    `opened` closes them. reopen: as in marble.Client.session.
     """
-    if not isinstance(server, marble.Client):
-        server = connect.server_of(server)
-        if connect.is_local(server):
-            return None
-        server = opened.enter_context(marble.Client(server))
-    client = server
-    return lambda options, parts: _Ticks(client, opened, options, problem_of(parts), reopen).tick
+    client = server if isinstance(server, marble.Client) else opened.enter_context(
+        marble.Client(connect.server_of(server)))
+    return client._transport.subproblems(
+        lambda options, parts: _Ticks(client, opened, options, problem_of(parts), reopen).tick)
 
 
 class _Ticks:

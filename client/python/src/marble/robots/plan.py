@@ -115,13 +115,13 @@ class Plan:
     tables: Tables
 
     def __str__(self) -> str:
-        told = "yes" if self.answer.b_stationary else "not known"
+        stationary = "yes" if self.answer.b_stationary else "not known"
         return (f"{self.robot.name}: {self.answer.status.value}\n"
                 f"  size          {self.robot.guess.size} variables, {self.robot.lbg.size} rows, "
                 f"{self.answer.xi.size} pairs\n"
                 f"  objective     {self.answer.objective:.6g}; {self.start.objective:.6g} of the LCQP it began at\n"
                 f"  violation     {self.robot.violation(self.answer.x):.1e}\n"
-                f"  B-stationary  {told}\n"
+                f"  B-stationary  {stationary}\n"
                 f"  work          {self.answer.ticks} LCQPs after the first, {self.answer.iterations} iterations, "
                 f"{self.answer.factorizations} factorizations")
 

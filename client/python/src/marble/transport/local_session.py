@@ -1,4 +1,4 @@
-"""A session without a server: core's warm solver, in the callers' threads."""
+"""A session in this process: the warm-started solver of marble._core, in the callers' threads."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from marble.calls.session import Session, Turn
 from marble.calls.session_core import SessionCore, SessionEvent, check_sensitivity_of_part
 from marble.connection.patience import Tries
 from marble.errors import Error
-from marble.in_process import solver
+from marble.in_process.core import core, core_errors
 from marble.in_process.ending import under_way
 from marble.message import requests
+from marble.message.answers import core_solution, unless_cancelled
+from marble.message.request import Run, core_options
 from marble.message.requests import Call
 from marble.model import lcqp
 from marble.model.lcqp import LCQP
@@ -21,8 +23,8 @@ from marble.model.problem import Problem, in_terms_of
 from marble.model.solution import Progress
 
 
-class SessionHere(Session):
-    """As marble.Session. Every update is solved as it comes, so that none ever waits or is overtaken."""
+class LocalSession(Session):
+    """As marble.Session. Each update is solved at once, so that none waits or is superseded."""
 
     def __init__(self, problem: LCQP | Problem, call: Call,
                  progress: Callable[[int, Progress], object] | None) -> None:
@@ -30,13 +32,13 @@ class SessionHere(Session):
         self._unread: dict[int, SessionEvent] = {}
         self._first_parts: list[int] = []
         self._writing, self._reading = Turn(), Turn()
-        self._call, self._tell = call, progress
+        self._call, self._report = call, progress
         self._running: Any = None
         requests.check_request_id(call.request_id)
         requests.priority_number(call.priority)
         requests.check_progress(call)
-        with solver.faults():
-            self._solver = solver.core().Warm(self._core.current, solver.option_values(call.options))
+        with core_errors():
+            self._solver = core().Warm(self._core.current, core_options(call.options))
         self._core.memory_bytes = self._solver.memory_bytes
         self._core.setup_s = self._solver.setup_s
 
@@ -46,9 +48,13 @@ class SessionHere(Session):
         return not self._core.ended
 
     def prepare(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
-        """As marble.Session.prepare; it is ready when this returns, and what is wrong is raised at once."""
+        """As marble.Session.prepare; returns when the preparation is complete, and raises its errors."""
         with self._writing:
-            self._take_first_part(problem, **changes)
+            check_sensitivity_of_part(changes.pop("sensitivity", None), True)
+            numbers, arguments = self._arguments(problem, **changes)
+            with core_errors():
+                self._solver.prepare(*arguments)
+            self._core.record(problem, numbers, first_part=True)
             return self._core.sequence
 
     def send(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
@@ -58,39 +64,32 @@ class SessionHere(Session):
             self._unread[self._core.sequence] = SessionEvent(self._core.sequence, outcome)
             return self._core.sequence
 
-    def _take_first_part(self, problem: LCQP | Problem | None, *, options: Any = None, z0: Any = None,
-                         cold: bool = False, shift: Any = None, sensitivity: Any = None, **parts: Any) -> None:
-        check_sensitivity_of_part(sensitivity, True)
-        parts, options = self._core.split(parts, options)
-        changes, shift = self._core.prepared(problem, parts, shift, None)
-        start = None if z0 is None else lcqp.vector(z0, "z0", self._core.current.n, " (n)")
-        with solver.faults():
-            self._solver.prepare(solver.option_values(options), _numbers(changes), start, cold,
-                                 None if shift is None else shift.blocks())
-        self._core.remember(problem, changes, first_part=True)
-
-    def _outcome(self, problem: LCQP | Problem | None, *, options: Any = None, z0: Any = None, cold: bool = False,
-                 shift: Any = None, deadline: float | None = None, sensitivity: Any = None, **parts: Any) -> Any:
+    def _arguments(self, problem: LCQP | Problem | None, *, options: Any = None, z0: Any = None, cold: bool = False,
+                   shift: Any = None, deadline: float | None = None, **parts: Any) -> tuple[dict[str, Any], Any]:
+        """The changes of an update, and what the solver is given of it."""
         parts, options = self._core.split(parts, options)
         changes, shift = self._core.prepared(problem, parts, shift, deadline)
         start = None if z0 is None else lcqp.vector(z0, "z0", self._core.current.n, " (n)")
-        values = solver.option_values(options)
-        numbers = _numbers(changes)
-        sequence, tell = self._core.sequence + 1, self._tell
-        own = None if tell is None else lambda row: tell(sequence, row)
-        stop = solver.core().Stop()
-        wishes = dataclasses.replace(self._call, sensitivity=sensitivity)
-        call = solver.core_call(self._core.current, wishes, own, deadline, stop)
-        self._core.remember(problem, changes)
+        return changes, (core_options(options), _numbers(changes), start, cold,
+                         None if shift is None else shift.blocks())
+
+    def _outcome(self, problem: LCQP | Problem | None, *, deadline: float | None = None, sensitivity: Any = None,
+                 **given: Any) -> Any:
+        changes, arguments = self._arguments(problem, deadline=deadline, **given)
+        sequence, report = self._core.sequence + 1, self._report
+        rows = None if report is None else lambda row: report(sequence, row)
+        stop = core().Stop()
+        call = Run(deadline, stop).call(self._core.current, dataclasses.replace(self._call, sensitivity=sensitivity),
+                                        rows)
+        self._core.record(problem, changes)
         self._running = stop
         kept = True
         try:
             with under_way(stop):
-                told = self._solver.solve(values, numbers, start, cold, None if shift is None else shift.blocks(), call)
-            answer = solver.unless_cancelled(solver.solution(told, self._core.current))
-            return in_terms_of(self._core.given, answer)
-        except solver.core().Fault as fault:
-            error = errors.from_core(*fault.args)
+                result = self._solver.solve(*arguments, call)
+            return in_terms_of(self._core.given, unless_cancelled(core_solution(result, self._core.current)))
+        except core().Fault as raised:
+            error = errors.from_core(*raised.args)
             kept = not isinstance(error, errors.InvalidArgument)
             return error
         except Error as error:
@@ -99,11 +98,14 @@ class SessionHere(Session):
             self._running = None
             self._core.settle(sequence, kept)
 
+    def _tries(self, deadline: float | None) -> Tries | None:
+        return None
+
     def _read(self, tries: Tries | None = None) -> SessionEvent | None:
         return None
 
     def close(self) -> None:
-        """Ends the session. What was not fetched is let go."""
+        """Ends the session, and drops results that were not fetched."""
         self._writing.refuse_own()
         self._core.ended = True
 

@@ -1,4 +1,4 @@
-"""Progress for people: a line that is written anew, or tqdm's bar where that is installed."""
+"""Progress on a terminal: one line that is rewritten, or tqdm's bar where it is installed."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from typing import Any, TextIO
 from marble.errors import InvalidArgument
 from marble.model.solution import Progress
 
+ProgressOption = bool | Callable[[Progress], object] | None
+"""As calls take it: True shows a bar."""
 _EVERY_S = 0.1
 
 
-def told(row: Progress) -> str:
-    """What a row says of how far the solve is: of a proof its gap, bound and nodes."""
+def described(row: Progress) -> str:
+    """How far the solve is, in words: of a proof its gap, bound and nodes."""
     if row.nodes > 0:
         best = f"best {row.incumbent:.6g}, bound {row.bound:.6g}, gap {row.gap:.1e}" if math.isfinite(row.gap) else \
             f"best {row.incumbent:.6g}, no bound yet" if math.isfinite(row.incumbent) else \
@@ -44,7 +46,7 @@ class ProgressLine:
     def __call__(self, row: Progress) -> None:
         """Takes a row."""
         with self._mutex:
-            self._row, self._iterations = told(row), row.iteration
+            self._row, self._iterations = described(row), row.iteration
             # A tree goes on without iterations of its own, and only they make the bar draw itself.
             due = row.nodes > 0 and time.monotonic() - self._shown_at > _EVERY_S
             if due:
@@ -75,14 +77,17 @@ class ProgressLine:
             self._stream.write("\n")
 
 
-def teller(wish: bool | Callable[[Progress], object] | None) -> tuple[Callable[[Progress], object] | None,
-                                                                       Callable[[], None]]:
-    """What takes the rows, None for nobody, and what is called at the end."""
-    if wish is None or wish is False:
-        return None, lambda: None
-    if wish is True:
+def reporter(progress: ProgressOption) -> tuple[Callable[[Progress], object] | None, Callable[[], None]]:
+    """What receives the rows, None for no one, and what is called at the end."""
+    if progress is None or progress is False:
+        return None, _nothing
+    if progress is True:
         line = ProgressLine()
         return line, line.close
-    if not callable(wish):
-        raise InvalidArgument("progress", "must be True, False, None or callable", value=type(wish).__name__)
-    return wish, lambda: None
+    if not callable(progress):
+        raise InvalidArgument("progress", "must be True, False, None or callable", value=type(progress).__name__)
+    return progress, _nothing
+
+
+def _nothing() -> None:
+    pass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import pathlib
 import signal
 import subprocess
 import sys
@@ -14,7 +15,7 @@ from support import Shown, check, clean_environment, long_solve, random_problem,
 
 import marble
 from marble.hopper import Hopper
-from marble.in_process import solver
+from marble.in_process.core import core
 
 PARTS = ("z", "y", "nu", "xi", "eta", "certificate")
 SAID = ("status", "detail", "objective", "violations", "kkt_residual", "stationarity", "b_stationary", "second_order",
@@ -62,6 +63,29 @@ def test_a_conflict_is_the_same_locally_and_remotely_and_prints_its_rows(client,
     pairs = marble.LCQP(None, np.zeros(2), A=[[1, 1]], b=[-2], L=np.eye(2), R=-np.eye(2), r=[0.5, 0.5])
     ours, theirs = (solver_.solve(pairs, explain=True).conflict for solver_ in (here, client))
     assert ours is not None and str(ours) == str(theirs) and len(ours) == len(theirs)
+
+
+def test_explain_leaves_the_objective_out(client, here):
+    infeasible = marble.Problem(["gap", "force"]).minimize(g=[-1, -1]).add_rows([[1, 1]], 4, 4).bound("gap", ub=1)
+    infeasible.bound("force", -9, 2)
+    unbounded = marble.LCQP([[-1.0]], [-1.0], C=[[1.0]], d=[-3.0], c0=7.0)
+
+    async def awaited(problem):
+        async with marble.aio.Client(client.address) as aio:
+            return await aio.explain(problem)
+
+    for explain in (here.explain, client.explain, lambda problem: asyncio.run(awaited(problem))):
+        answer = explain(infeasible)
+        assert answer.status is marble.Status.INFEASIBLE and answer.conflict.minimal and len(answer.conflict) == 3
+        assert answer.problem.g.tolist() == [0, 0]
+        assert answer.conflict.lines(answer.problem, answer.variables)[0] == "A[0]: gap + force - 4 = 0"
+        nearest = explain(unbounded)
+        assert nearest.solved and nearest.conflict is None and nearest[0] == pytest.approx(3)
+        assert nearest.objective == pytest.approx(4.5), "of ½ z², without what the problem has"
+    assert here.solve(unbounded, explain=True).status is marble.Status.UNBOUNDED
+    assert infeasible.compile().g.tolist() == [-1, -1], "the caller's problem keeps its objective"
+    with pytest.raises(marble.InvalidArgument, match="starts"):
+        here.explain(infeasible, starts=0)
 
 
 def test_explain_is_refused_by_sessions(client, here):
@@ -117,12 +141,13 @@ def test_what_only_a_server_has_says_so(here):
                                    {"priority": "urgent"}, {"request_id": "\n"}, {"deadline": 0},
                                    {"progress_interval": -1, "progress": print}])
 def test_errors_are_the_same(client, here, parts):
-    told = []
+    raised = []
     for one in (client, here):
         with pytest.raises(marble.InvalidArgument) as caught:
             one.solve(tiny(), **parts)
-        told.append((type(caught.value), caught.value.field, caught.value.index, caught.value.bound, str(caught.value)))
-    assert told[0] == told[1]
+        error = caught.value
+        raised.append((type(error), error.field, error.index, error.bound, str(error)))
+    assert raised[0] == raised[1]
 
 
 def test_an_update_that_does_not_fit_changes_nothing(client, here):
@@ -141,7 +166,7 @@ def test_an_update_that_does_not_fit_changes_nothing(client, here):
     same(answers[1], answers[0])
 
 
-def test_progress_is_told_on_the_caller_s_thread_and_what_it_raises_ends_the_solve(here):
+def test_progress_is_reported_on_the_caller_s_thread_and_what_it_raises_ends_the_solve(here):
     rows = []
     here.solve(random_problem(3), progress=lambda row: rows.append((row, threading.get_ident())), iterate_every=1)
     assert [row.iteration for row, _ in rows] == sorted(row.iteration for row, _ in rows) and len(rows) > 1
@@ -156,7 +181,7 @@ def test_progress_is_told_on_the_caller_s_thread_and_what_it_raises_ends_the_sol
         here.solve(problem, options=options, progress=enough)
 
 
-def test_what_a_solve_is_doing_is_told_where_no_iteration_ends(here):
+def test_what_a_solve_is_doing_is_reported_where_no_iteration_ends(here):
     shown = Shown()
     handle = here.solve_async(Hopper().problem(), options={"starts": 500}, progress=shown)
     assert wait_until(lambda: any(text.startswith("further starts: ") for text in shown.words))
@@ -201,7 +226,7 @@ def test_a_deadline_gives_the_solve_up_and_a_time_limit_does_not(here):
 def test_ctrl_c_is_a_keyboard_interrupt_and_the_next_solve_runs(call):
     program = f"""
 import sys, threading, time, os, signal
-sys.path.insert(0, {str(__file__.rpartition("/")[0])!r})
+sys.path.insert(0, {str(pathlib.Path(__file__).parent.parent)!r})
 from support import long_solve, tiny
 import marble
 problem, options = long_solve()
@@ -209,7 +234,7 @@ client = marble.Client("local")
 begun = threading.Event()
 old = signal.getsignal(signal.SIGINT)
 def interrupt():
-    while sys._current_frames()[main].f_code.co_name not in ("stoppable", "_outcome"):
+    while sys._current_frames()[main].f_code.co_name not in ("compute", "_outcome"):
         time.sleep(0.01)
     time.sleep(0.05)
     os.kill(os.getpid(), signal.SIGINT)
@@ -289,7 +314,7 @@ def test_answers_own_their_arrays(here):
 
 
 def test_without_the_extension_the_error_says_what_is_missing(monkeypatch):
-    solver.core.cache_clear()
+    core.cache_clear()
     monkeypatch.setitem(sys.modules, "marble._core", None)
     try:
         with pytest.raises(marble.Unavailable, match=r"no solver of its own.*MARBLE_SERVER"):
@@ -297,7 +322,7 @@ def test_without_the_extension_the_error_says_what_is_missing(monkeypatch):
         with pytest.raises(marble.Unavailable):
             marble.Client("local")
     finally:
-        solver.core.cache_clear()
+        core.cache_clear()
 
 
 def test_the_import_loads_not_even_numpy_and_a_solve_here_neither_grpc_nor_protobuf():
@@ -316,7 +341,7 @@ def test_derivatives_of_an_answer_are_differences_of_answers_nearby():
     random = np.random.default_rng(0)
     direction = {"g": random.normal(size=problem.n), "b": random.normal(size=problem.b.size),
                  "l": random.normal(size=problem.l.size)}
-    change = sensitivity.along(**direction)
+    change = sensitivity.jvp(**direction)
     h = 1e-6
 
     def moved(step):
@@ -328,12 +353,12 @@ def test_derivatives_of_an_answer_are_differences_of_answers_nearby():
         np.testing.assert_allclose(getattr(change, name), (getattr(near[0], name) - getattr(near[1], name)) / (2 * h),
                                    rtol=1e-4, atol=1e-4)
     weights = random.normal(size=problem.n)
-    gradient = sensitivity.gradient(z=weights)
+    gradient = sensitivity.vjp(z=weights)
     assert set(gradient) == {*"gbdlrQACLR"} and gradient["A"].shape == problem.A.data.shape
     assert sum(gradient[name] @ by for name, by in direction.items()) == pytest.approx(weights @ change.z)
     with pytest.raises(marble.InvalidArgument, match=r"direction.g.*must have"):
-        sensitivity.along(g=[1.0])
+        sensitivity.jvp(g=[1.0])
     with pytest.raises(marble.InvalidArgument, match="direction is h"):
-        sensitivity.along(h=[1.0])
+        sensitivity.jvp(h=[1.0])
     with pytest.raises(marble.Unsolved):
         marble.Sensitivity(marble.solve(problem, server="local", max_iterations=0, path="paper", polish=False))

@@ -1,0 +1,1 @@
+"""Where a client's calls are run: in this process or on servers, behind one interface."""
