@@ -33,6 +33,9 @@ struct FarkasProof {
 
 /// Whether the iterate's multipliers, or its z, come near a proof (to 10⁻⁶): one is worth looking for.
 [[nodiscard]] bool seems_infeasible(const ScaledProblem& p, const Iterate& x);
+/// Whether the iterate's multipliers leave no feasible point nearer than some times as far out as its z
+/// (scaled): a proof is worth its factorizations before a path has come to its end.
+[[nodiscard]] bool suggests_infeasible(const ScaledProblem& p, const Iterate& x);
 [[nodiscard]] bool seems_unbounded(const ScaledProblem& p, const Iterate& x);
 
 }  // namespace marble
