@@ -1,5 +1,5 @@
 // The last resorts of a solve without an answer: proofs that there is none, and a feasible point if nothing
-// else; with workspace of their own.
+// else; with workspace of their own, within Run::bytes_left: where that does not do, nothing is found.
 #pragma once
 
 #include <optional>

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <limits>
 #include <optional>
 
 #include "data/interrupt.h"
@@ -33,6 +34,7 @@ class Run {
   bool nonconvex = false;            // a factorization showed that Q has negative curvature where it matters
   std::int32_t told_iteration = -1;  // the last one a sink was told of
   Times times;
+  double bytes_left = std::numeric_limits<double>::infinity();  // for systems of its proofs
 
   /// Counts the time of a scope as polishing, or as another part, but for what is counted elsewhere; the
   /// outermost one counts.
