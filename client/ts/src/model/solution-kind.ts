@@ -41,7 +41,7 @@ export interface SolutionFacts {
   feasible: boolean;
   pairs: number;
   factorizations: number;
-  /** The factorizations have reached the option localSearchBudget. */
+  /** The factorizations have reached the option localSearchBudget. Never of an answer by segments: each has that budget. */
   budgetSpent: boolean;
   /** The option. */
   starts: number;
