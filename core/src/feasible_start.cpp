@@ -75,16 +75,17 @@ Strategy::Answer Strategy::not_above_start(Run& run, Answer answer, ConstVectorR
           &path_point_.x};
 }
 
+Strategy::Judged Strategy::judged(ConstVectorRef z) const {
+  Iterate x(problem_);
+  x.z() = z;
+  Images images(problem_);
+  images.evaluate(problem_, x);
+  return {within_tolerances(violations(problem_, images), options_), images.objective};
+}
+
 // The same for a feasible warm start that was abandoned and is lower than the solution found elsewhere.
 Strategy::Answer Strategy::not_above_warm_start(Run& run, Answer answer, ConstVectorRef z) {
   if (answer.ending.status == Status::unbounded) return answer;
-  const auto judged = [this](ConstVectorRef point) {
-    Iterate x(problem_);
-    x.z() = point;
-    Images images(problem_);
-    images.evaluate(problem_, x);
-    return std::pair(within_tolerances(violations(problem_, images), options_), images.objective);
-  };
   const auto [start_is_feasible, start] = judged(z);
   if (!start_is_feasible) return answer;
   const auto [is_feasible, objective] = judged(answer.x->z());

@@ -141,11 +141,34 @@ std::optional<Ending> Strategy::prove(Run& run, Status status) {
   if (std::exchange(looked_for_.infeasible, true)) return std::nullopt;
   std::optional<FarkasProof> proof = prove_infeasible(problem_, z, run);
   if (!proof) return std::nullopt;
-  if (run.proof() != nullptr) run.proof()->radius = proof->radius;
-  return Ending{Status::infeasible,
-                "the constraints contradict each other even without complementarity: no z with |z| <= " +
-                    scientific(proof->radius, 1) + " is feasible; " + describe(path_point_.violations),
-                std::move(proof->multipliers)};
+  return contradicted_by(run, *std::move(proof));
+}
+
+// Where an engine's iterate suggests it, before the others have spent their budgets. A contradiction that a
+// point within the reduced tolerances may meet is left to them: yᵀ(Az + b) − νᵀ(Cz + d) − ξᵀs − ηᵀt = 1.
+std::optional<Ending> Strategy::prove_early(Run& run, const Iterate& x) {
+  if (run.interrupted()) return std::nullopt;
+  std::optional<FarkasProof> proof = prove_infeasible(problem_, x.z(), run);
+  if (!proof) return std::nullopt;
+  const Eigen::Map<const Vector> multipliers(proof->multipliers.data(),
+                                             static_cast<Index>(proof->multipliers.size()));
+  const double tolerated =
+      options_.equality_tolerance * multipliers.head(problem_.equalities()).lpNorm<1>() +
+      options_.inequality_tolerance *
+          multipliers.segment(problem_.equalities(), problem_.inequalities()).lpNorm<1>() +
+      options_.complementarity_tolerance * multipliers.tail(2 * problem_.pairs()).lpNorm<1>();
+  if (!(tuning::reduced_factor * tolerated < 1.0)) return std::nullopt;
+  path_point_.x.all = x.all;
+  judge_path_point();
+  return contradicted_by(run, *std::move(proof));
+}
+
+Ending Strategy::contradicted_by(Run& run, FarkasProof proof) const {
+  if (run.proof() != nullptr) run.proof()->radius = proof.radius;
+  return {Status::infeasible,
+          "the constraints contradict each other even without complementarity: no z with |z| <= " +
+              scientific(proof.radius, 1) + " is feasible; " + describe(path_point_.violations),
+          std::move(proof.multipliers)};
 }
 
 // Makes the ray's origin the point of the solution.

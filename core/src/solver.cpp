@@ -203,6 +203,7 @@ struct Solver::State {
   Iterate warm_start;
   double setup_s = 0.0;
   std::int64_t memory_bytes = 0;
+  double bytes_left = 0.0;  // of what the solver may take
 };
 
 void Solver::State::add_sensitivity(const Strategy::Answer& found, const SensitivityRequest& request,
@@ -275,6 +276,7 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& user_opti
   const double kept_bytes =
       options.global ? std::min(tuning::tree_kept * tree_bytes, tuning::tree_kept_bytes) : 0.0;
   state->memory_bytes = static_cast<std::int64_t>(own_bytes + factor_bytes + kept_bytes);
+  state->bytes_left = limit - own_bytes - factor_bytes - kept_bytes;
   state->strategy.allow_tree(tree_bytes, kept_bytes);
   return Solver(std::move(state));
 }
@@ -332,6 +334,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bo
   if (controls.activity != nullptr) controls.activity->begin();
   if (controls.proof != nullptr) clear_leaves(*controls.proof);
   Run run(state_->options, controls);
+  run.bytes_left = state_->bytes_left;
   state_->kkt->attend(run.interrupt());
   state_->initial_z.setZero();
   if (!controls.initial_z.empty()) {

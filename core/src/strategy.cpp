@@ -8,6 +8,7 @@
 #include "feasibility/pair_newton.h"
 #include "horizon/segments.h"
 #include "model/text_of.h"
+#include "run/certificate.h"
 #include "search/multistart.h"
 #include "tuning.h"
 
@@ -123,6 +124,9 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
       return answer;
     }
   }
+  looks_for_contradiction_ =
+      options_.path == Path::fast && !start_ && !(warm_start && judged(warm_start->solution->z()).feasible);
+  path_.look_for_contradiction(looks_for_contradiction_);
   const bool late = run.interrupted().has_value();  // the cold start then gets no further than `from`
   const std::optional<Ending> path_end = cold(run, initial_z, from);
   if (late) stage_ = from;
@@ -151,6 +155,10 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z, Stage f
     }
     const PhaseScope phase(run.activity(), Phase::path);
     if (incumbent_.solve_branch(run, branch_.interior) || take_interior(run)) return std::nullopt;
+  }
+  if (quadratic && from <= Stage::quadratic && looks_for_contradiction_ &&
+      suggests_infeasible(problem_, branch_.interior.iterate())) {
+    if (std::optional<Ending> proved = prove_early(run, branch_.interior.iterate())) return proved;
   }
   const bool quadratic_interrupted = quadratic && from <= Stage::quadratic && run.interrupted();
   if (from == Stage::path || from == Stage::end_of_path) {
@@ -226,6 +234,10 @@ void Strategy::judge_path_point() {
 std::optional<Ending> Strategy::follow_path(Run& run, double kappa_end) {
   const PhaseScope phase(run.activity(), Phase::path);
   std::optional<Ending> end = path_.follow(run, kappa_end);
+  if (path_.suspects_contradiction()) {
+    if (std::optional<Ending> proved = prove_early(run, path_.iterate())) return proved;
+    end = path_.follow(run, kappa_end);
+  }
   const Iterate& x = end ? path_.iterate() : path_.best();
   const Violations& violations = end ? path_.violations_at() : path_.best_violations();
   // A path that was restarted and cut short may be worse than the point of the first one.

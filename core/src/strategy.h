@@ -110,6 +110,11 @@ class Strategy {
   void solve_start(Run& run, ConstVectorRef z);
   [[nodiscard]] bool start_in_segments(Run& run, PathBranch branch);
   [[nodiscard]] Answer not_above_start(Run& run, Answer answer, ConstVectorRef z, bool warm);
+  struct Judged {
+    bool feasible;  // to the tolerances
+    double objective;
+  };
+  [[nodiscard]] Judged judged(ConstVectorRef z) const;
   [[nodiscard]] Answer not_above_warm_start(Run& run, Answer answer, ConstVectorRef z);
   [[nodiscard]] bool start_for_tree(Run& run);
   void take_incumbent(Answer& answer) const;
@@ -130,6 +135,8 @@ class Strategy {
   [[nodiscard]] Optimality::Descended descend_from_path(Run& run);
   [[nodiscard]] std::optional<Answer> find_feasible(Run& run, ConstVectorRef z);
   [[nodiscard]] std::optional<Ending> prove(Run& run, Status status);
+  [[nodiscard]] std::optional<Ending> prove_early(Run& run, const Iterate& x);
+  [[nodiscard]] Ending contradicted_by(Run& run, FarkasProof proof) const;
   [[nodiscard]] Ending unbounded_along(UnboundedRay ray);
 
   const ScaledProblem& problem_;
@@ -148,6 +155,7 @@ class Strategy {
   std::unique_ptr<Tree> tree_;            // created when first needed
   double tree_bytes_ = 0.0, kept_tree_bytes_ = 0.0;
   bool keeps_tree_ = false;
+  bool looks_for_contradiction_ = false;  // before the path has ended; not where a feasible point is known
   struct {
     bool infeasible, unbounded;
   } looked_for_ = {};  // proofs attempted in this run

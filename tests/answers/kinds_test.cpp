@@ -58,6 +58,18 @@ TEST(SolutionKinds, AMaximumIsCalledOne) {
   EXPECT_EQ(kind_text(facts), "local maximum; no bound is known");
 }
 
+TEST(SolutionKinds, SegmentsDoNotSpendTheBudgetOfASearchTogether) {
+  Solution solution;
+  solution.status = Status::solved;
+  solution.second_order = SecondOrder::necessary;
+  solution.factorizations = 2000;
+  solution.detail = "path; violations: equality 1.00e-12";
+  EXPECT_NE(what_to_try(facts_of(solution, {})).find("local_search_budget"), std::string::npos);
+  solution.detail = "segments; violations: equality 1.00e-12";
+  EXPECT_EQ(what_to_try(facts_of(solution, {})).find("local_search_budget"), std::string::npos);
+  EXPECT_NE(what_to_try(facts_of(solution, {})).find("starts=8"), std::string::npos);
+}
+
 TEST(SolutionKinds, AStoppedSolveIsFeasibleByTheTolerancesOfItsOwnOptions) {
   Solution solution;
   solution.status = Status::time_limit;

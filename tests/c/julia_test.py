@@ -17,8 +17,9 @@ PACKAGE = ROOT / "client/c/julia"
 # By the declaration of a parameter or a result.
 TYPES = [(r"marble_error\*", {"Ptr{UInt8}"}), (r"const char\*", {"Cstring"}), (r"marble_\w+\*\*", {"Ref{Ptr{Cvoid}}"}),
          (r"(const )?marble_\w+\*", {"Ptr{Cvoid}"}), (r"const double\*\*", {"Ref{Ptr{Float64}}"}),
-         (r"const double\*", {"Ptr{Float64}"}), (r"double\*", {"Ref{Float64}"}), (r"const int32_t\*", {"Ptr{Int32}"}),
-         (r"int64_t\*", {"Ref{Int64}"}), (r"int32_t", {"Int32"}), (r"int64_t", {"Int64"}), (r"double", {"Float64"}),
+         (r"const double\*", {"Ptr{Float64}"}), (r"double\*", {"Ref{Float64}"}),
+         (r"const int32_t\*\*", {"Ref{Ptr{Int32}}"}), (r"const int32_t\*", {"Ptr{Int32}"}), (r"int64_t\*", {"Ref{Int64}"}),
+         (r"int32_t", {"Int32"}), (r"int64_t", {"Int64"}), (r"double", {"Float64"}),
          (r"void", {"Cvoid"})]
 
 

@@ -16,6 +16,7 @@ function octave_test()
   refused(@() marble_solve(setfield(p, 'l', [0; 0])), 'marble:invalid_argument', 'l');
   refused(@() marble_solve(p, struct('starts', 0)), 'marble:invalid_argument', 'starts');
 
+  an_infeasible_problem_is_explained(p);
   wrong_arguments_are_refused(p);
   a_closed_session_stays_closed(p);
 
@@ -37,6 +38,24 @@ function octave_test()
 
   % A hopper: the bits of the program.
   printf('%s ', num2cell(num2hex(marble_solve(hopper()).z), 2){:});
+end
+
+% z1 = 1 and z2 = 1 where z1 z2 = 0; z2 <= 3 can be met.
+function an_infeasible_problem_is_explained(p)
+  p.A = eye(2);
+  p.b = [-1; -1];
+  p.C = [0, -1];
+  p.d = 3;
+  assert(isempty(marble_solve(p).conflict));
+  answer = marble_solve(p, struct('explain', true));
+  assert(answer.status, 'infeasible');
+  assert(answer.conflict.equalities, [1; 2]);
+  assert(answer.conflict.complementarities, 1);
+  for part = {'inequalities', 'left_sides', 'right_sides'}
+    assert(isempty(answer.conflict.(part{1})));
+  end
+  assert(answer.conflict.minimal, true);
+  assert(~isempty(answer.conflict.detail));
 end
 
 function wrong_arguments_are_refused(p)

@@ -183,6 +183,21 @@ TEST_F(Ampl, WhatJumpsIsRefusedWithTheConstraintsName) {
   EXPECT_NE(sol.message.find("heat[3] (C1)"), std::string::npos) << sol.message;
 }
 
+TEST_F(Ampl, ConvertedModelKeepsTheNamesBesideIt) {
+  const std::string model = quoted(file("model.nl", corner(21.0))), json = directory_.file("model.json");
+  file("model.row", "pairs\nheat[3]\n");
+  file("model.col", "gap\nforce\n");
+  ASSERT_EQ(run("convert " + model + " " + quoted(json)).exit_code, 0);
+  const Json names = Json::parse(read_file(json))["names"];
+  EXPECT_EQ(names["variables"], Json({"gap (v0)", "force (v1)"}));
+  const auto first_lines = [this](const std::string& path) {
+    const std::string out = run("explain --quiet --local " + path).out;
+    return out.substr(0, out.find("  time "));
+  };
+  EXPECT_EQ(first_lines(quoted(json)), first_lines(model));
+  EXPECT_NE(first_lines(model).find("heat[3] (C1)"), std::string::npos) << first_lines(model);
+}
+
 TEST_F(Ampl, AServerIsAskedWhereOneIsNamed) {
   ServerProcess server(MARBLE_SERVER_BINARY, {"--workers", "1"});
   const auto client = Client::connect(server.address()).value();

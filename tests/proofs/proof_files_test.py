@@ -147,6 +147,22 @@ class WhatIsProved(Files):
         code, found = self.check()
         self.assertEqual((code, found["claim"], found["leaves"]), (HOLDS, "infeasible", 1), found)
 
+    def test_a_proof_of_a_binary_problem_is_checked_with_its_json(self):
+        for data in (CORNER, CLASH):
+            self.solve(data)
+            binary = self.problem_file.with_suffix(".pb")
+            subprocess.run([MARBLE, "convert", str(self.problem_file), str(binary)], check=True)
+            self.proof_file.unlink()
+            self.solve(data, files=[str(binary)])
+            json_file, self.problem_file = self.problem_file, binary
+            code, found = self.check()
+            self.assertEqual(code, BAD_FILE, found)
+            self.assertIn(f"marble convert {binary} {json_file}", found["error"])
+            json_file.unlink()
+            subprocess.run([MARBLE, "convert", str(binary), str(json_file)], check=True)
+            self.problem_file = json_file
+            self.assertEqual(self.check()[0], HOLDS)
+
     def test_a_tree_that_a_limit_ends_proves_its_own_bound(self):
         solved = self.solve(random_bounded(3), "--option", "node_limit=1", "--option", "small_budget=0")
         bound = json.loads(solved.stdout)["bound"]

@@ -132,6 +132,32 @@ static void take_options(held* all, const mxArray* options) {
   }
 }
 
+/* A struct, or [] where there is none. Indices count from 1, as Octave's do. */
+static mxArray* conflict_of(const marble_solution* solution) {
+  static const char* const parts[] = {"equalities", "inequalities", "left_sides", "right_sides",
+                                      "complementarities"};
+  double kind = 0;
+  mxArray* conflict;
+  marble_solution_number(solution, "conflict", &kind, NULL);
+  if (kind == 0) return mxCreateDoubleMatrix(0, 0, mxREAL);
+  conflict = mxCreateStructMatrix(1, 1, 0, NULL);
+  for (size_t k = 0; k < sizeof parts / sizeof *parts; k++) {
+    const int32_t* indices = NULL;
+    int64_t count = 0;
+    mxArray* column;
+    marble_solution_conflict(solution, parts[k], &indices, &count, NULL);
+    column = mxCreateDoubleMatrix((mwSize)count, 1, mxREAL);
+    for (int64_t i = 0; i < count; i++) mxGetPr(column)[i] = indices[i] + 1.0;
+    mxAddField(conflict, parts[k]);
+    mxSetField(conflict, 0, parts[k], column);
+  }
+  mxAddField(conflict, "minimal");
+  mxSetField(conflict, 0, "minimal", mxCreateLogicalScalar(kind == 2));
+  mxAddField(conflict, "detail");
+  mxSetField(conflict, 0, "detail", mxCreateString(marble_solution_conflict_detail(solution)));
+  return conflict;
+}
+
 static mxArray* answer_of(held* all) {
   static const char* const vectors[] = {"z", "y", "nu", "xi", "eta", "certificate"};
   static const char* const numbers[] = {
@@ -158,6 +184,8 @@ static mxArray* answer_of(held* all) {
   mxSetField(answer, 0, "status", mxCreateString(marble_status_name(marble_solution_status(all->solution))));
   mxAddField(answer, "detail");
   mxSetField(answer, 0, "detail", mxCreateString(marble_solution_detail(all->solution)));
+  mxAddField(answer, "conflict");
+  mxSetField(answer, 0, "conflict", conflict_of(all->solution));
   drop(all);
   return answer;
 }

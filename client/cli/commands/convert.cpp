@@ -1,8 +1,10 @@
+#include <fstream>
 #include <memory>
 
 #include "base/complaint.h"
 #include "base/exit_code.h"
 #include "commands/commands.h"
+#include "conflict/problem_names.h"
 #include "formats.h"
 
 namespace marble::cli {
@@ -13,23 +15,42 @@ int fails(const std::string& path, const std::string& message) {
   return kBadInput;
 }
 
+bool is_json(const std::string& path) {
+  const auto format = format_of_path(path);
+  return format && *format == FileFormat::json;
+}
+
+// What the file has and the format of `out` has no place for: "x0 and names".
+std::string left_out(const NamedProblem& named, const std::string& out) {
+  const bool json = is_json(out);
+  std::string parts;
+  const auto add = [&parts](bool lost, const char* part) {
+    if (lost) parts += (parts.empty() ? "" : " and ") + std::string(part);
+  };
+  add(!named.file.problem.initial_z.empty() && !formats::keeps_initial_point(out), "x0");
+  add(named.file.best_known_objective && !json, "best_known_objective");
+  add(!named.names.empty() && !json, "names");
+  return parts;
+}
+
+Expected<void> write(const NamedProblem& named, const std::string& out) {
+  if (!is_json(out)) return formats::write_any_problem(named.file, out);
+  std::ofstream stream(out, std::ios::binary);
+  stream << with_names(write_problem(named.file, FileFormat::json), named.names);
+  stream.close();
+  if (stream) return {};
+  return unexpected(failure(ErrorCode::unavailable, "cannot be written"));
+}
+
 int convert(const std::string& in, const std::string& out) {
   if (const auto valid = formats::check_writable_format(out); !valid)
     return fails(out, valid.error().message());
-  const auto file = formats::read_any_problem(in);
-  if (!file) return fails(in, file.error().message());
-  if (file->maximize) complain(out, formats::kNegativeOfMaximum);
-  std::string left_out;
-  if (!file->problem.initial_z.empty() && !formats::keeps_initial_point(out)) left_out = "x0";
-  if (file->best_known_objective && !out.ends_with(".json"))
-    left_out += (left_out.empty() ? "" : " and ") + std::string("best_known_objective");
-  if (!left_out.empty()) {
-    const char* verb = left_out.find(" and ") == std::string::npos ? " is" : " are";
-    complain(out,
-             left_out + verb + " left out: the format has no place for " + (verb[1] == 'i' ? "it" : "them"));
-  }
-  if (const auto written = formats::write_any_problem(*file, out); !written)
-    return fails(out, written.error().message());
+  const auto named = read_named_problem(in);
+  if (!named) return fails(in, named.error().message());
+  if (named->file.maximize) complain(out, formats::kNegativeOfMaximum);
+  if (const std::string parts = left_out(*named, out); !parts.empty())
+    complain(out, "has no place for " + parts + ": left out");
+  if (const auto written = write(*named, out); !written) return fails(out, written.error().message());
   return kAllSolved;
 }
 
@@ -51,7 +72,7 @@ void add_convert(CLI::App& program, int& exit_code) {
           "its extension tells the format: .json, .pb or .bin, .npz, or a folder with a / at its end for "
           "Matrix Market")
       ->required();
-  command->footer("x0 has no place in .pb and .bin, best_known_objective in .json alone.");
+  command->footer("x0 has no place in .pb and .bin. Only .json holds best_known_objective and names.");
   command->callback([in, out, &exit_code] { exit_code = convert(*in, *out); });
 }
 

@@ -1,7 +1,10 @@
 #include "conflict/problem_names.h"
 
+#include <iostream>
+#include <iterator>
 #include <tuple>
 
+#include "formats.h"
 #include "nl/nl_problem.h"
 #include "output/json.h"
 #include "parts/file_bytes.h"
@@ -26,16 +29,19 @@ Expected<std::vector<std::string>> texts(const Json& names, const char* key, std
   return result;
 }
 
-// Keeps only the member "names" of the text, so that memory is proportional to it.
-Json names_member(const std::string& text) {
-  bool too_deep = false;
+// Keeps only the member "names" of the text, so that memory is proportional to it; the other members may be
+// nested to any depth. Null without it.
+Expected<Json> names_member(const std::string& text) {
+  bool inside = false, too_deep = false;
   const auto keep = [&](int depth, Json::parse_event_t event, Json& parsed) {
-    too_deep = too_deep || depth > kDeepestJson;
-    if (event == Json::parse_event_t::key && depth == 1) return parsed == "names";
-    return !too_deep;
+    if (event == Json::parse_event_t::key && depth == 1) inside = parsed == "names";
+    too_deep = too_deep || (inside && depth > kDeepestJson);
+    return depth == 0 || (inside && !too_deep);
   };
   const Json document = Json::parse(text, keep, false);
-  if (!document.is_object() || !document.contains("names")) return nullptr;
+  if (too_deep)
+    return unexpected(invalid("names", "is nested too deep: must be an object of arrays of texts"));
+  if (!document.is_object() || !document.contains("names")) return Json();
   return document["names"];
 }
 
@@ -59,10 +65,26 @@ ProblemNames nl_names(const formats::NlProblem& nl, const formats::NlNames& name
   return result;
 }
 
+Expected<NamedProblem> read_standard_input() {
+  const std::string content(std::istreambuf_iterator<char>(std::cin), {});
+  if (content.empty()) return unexpected(failure(ErrorCode::invalid_argument, "is empty"));
+  const FileFormat format = format_of_content(content);
+  auto file = parse_problem(content, format, "stdin");
+  if (!file) return unexpected(file.error());
+  NamedProblem named{std::move(*file), {}};
+  if (format == FileFormat::binary) return named;
+  auto names = names_of_json(content, named.file.problem);
+  if (!names) return unexpected(names.error());
+  named.names = std::move(*names);
+  return named;
+}
+
 }  // namespace
 
 Expected<ProblemNames> names_of_json(const std::string& text, const OwnedProblem& p) {
-  const Json given = names_member(text);
+  const auto member = names_member(text);
+  if (!member) return unexpected(member.error());
+  const Json& given = *member;
   if (given.is_null()) return ProblemNames{};
   if (!given.is_object())
     return unexpected(invalid("names", "must be an object {variables, equalities, inequalities, pairs}"));
@@ -88,6 +110,30 @@ Expected<ProblemNames> names_of_file(const std::string& path, const OwnedProblem
   const auto nl = formats::parse_nl_problem(*content, problem.name, names);
   if (!nl) return unexpected(nl.error());
   return nl_names(*nl, names);
+}
+
+Expected<NamedProblem> read_named_problem(const std::string& path) {
+  if (path != "-") {
+    auto file = formats::read_any_problem(path);
+    if (!file) return unexpected(file.error());
+    auto names = names_of_file(path, file->problem);
+    if (!names) return unexpected(names.error());
+    return NamedProblem{std::move(*file), std::move(*names)};
+  }
+  return or_out_of_memory(read_standard_input, [] {
+    return failure(ErrorCode::resource_exhausted, "is too large for the memory there is");
+  });
+}
+
+std::string with_names(std::string problem, const ProblemNames& names) {
+  Json members;
+  for (const auto& [key, given] :
+       {std::pair{"variables", &names.variables}, std::pair{"equalities", &names.equalities},
+        std::pair{"inequalities", &names.inequalities}, std::pair{"pairs", &names.pairs}}) {
+    if (!given->empty()) members[key] = *given;
+  }
+  if (!members.empty()) problem.insert(problem.rfind('}'), ",\"names\":" + line(members));
+  return problem;
 }
 
 }  // namespace marble::cli

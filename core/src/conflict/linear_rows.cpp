@@ -109,6 +109,7 @@ LinearRows::End LinearRows::decide(std::span<const HeldRow> rows) {
   bool proved = false;
   {
     Run run(options_, controls_);
+    run.bytes_left = static_cast<double>(setup_.most_bytes);
     const ScaledProblem scaled = scale(*problem, options_.scaling_passes, run.interrupt());
     const auto proof = prove_infeasible(scaled, Vector::Zero(problem->variables()), run);
     factorizations_ += run.factorizations;

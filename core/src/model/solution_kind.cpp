@@ -77,6 +77,9 @@ std::string filled(std::string_view text, const SolutionFacts& s) {
 
 const Texts& texts_of(SolutionKind kind) { return kKinds[static_cast<std::size_t>(kind)]; }
 
+// Each segment has had the budget to itself: the sum of their factorizations says nothing of it.
+bool solved_in_segments(const Solution& s) { return s.detail.find("segments; ") != std::string::npos; }
+
 }  // namespace
 
 const char* to_string(SolutionKind kind) { return texts_of(kind).name; }
@@ -93,7 +96,7 @@ SolutionFacts facts_of(const Solution& s, const Options& options) {
           .feasible = within_tolerances(s.violations, options),
           .pairs = static_cast<std::int64_t>(s.complementarity_multipliers_L.size()),
           .factorizations = s.factorizations,
-          .budget_spent = s.factorizations >= options.local_search_budget,
+          .budget_spent = s.factorizations >= options.local_search_budget && !solved_in_segments(s),
           .starts = options.starts,
           .global_search = options.global};
 }

@@ -6,6 +6,7 @@
 
 #include "data/retraction.h"
 #include "model/printed.h"
+#include "run/certificate.h"
 #include "tuning.h"
 
 namespace marble {
@@ -30,7 +31,7 @@ PathEngine::PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& op
 // Algorithm 1; start() is lines 1–2. Line numbers are those of the paper.
 std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
   const bool to_its_end = kappa_end <= options_.kappa_min;
-  lost_ = false;
+  lost_ = suspects_contradiction_ = false;
   while (true) {
     evaluate();  // line 4
     report(run);
@@ -53,7 +54,18 @@ std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
       if (const auto reason = run.interrupted()) return give_best(*reason);
       return explain(false);
     }
+    if (looks_for_contradiction_ && shows_contradiction()) {
+      looks_for_contradiction_ = false;
+      suspects_contradiction_ = true;
+      return std::nullopt;
+    }
   }
+}
+
+// The violations are those before the last step: a step later is early enough.
+bool PathEngine::shows_contradiction() const {
+  return inner_steps_ >= tuning::suspicion_steps && !within_tolerances(violations_, options_) &&
+         suggests_infeasible(problem_, x_);
 }
 
 void PathEngine::start(ConstVectorRef initial_z) {

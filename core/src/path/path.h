@@ -24,6 +24,12 @@ class PathEngine {
   /// be followed further: when the inner loop at κ ≤ kappa_end has ended, or the path stalled before.
   [[nodiscard]] std::optional<Ending> follow(Run& run, double kappa_end);
 
+  /// If `looks`, follow() also looks for a contradiction: it ends once, with nothing, at an iterate whose
+  /// multipliers suggest that the constraints contradict each other. The next call continues from there.
+  void look_for_contradiction(bool looks) { looks_for_contradiction_ = looks; }
+  /// True if the last follow() ended for that reason.
+  [[nodiscard]] bool suspects_contradiction() const { return suspects_contradiction_; }
+
   /// Takes a few steps each at increasing ρ < rho_end and one fixed κ, from z. At the resulting point
   /// everything is still soft, and each pair is biased to the side that costs less.
   void lean(Run& run, ConstVectorRef initial_z, double rho_end);
@@ -55,6 +61,7 @@ class PathEngine {
   void begin_subproblem(Run& run);
   [[nodiscard]] bool lost(bool last_resort);
   [[nodiscard]] bool retreat();
+  [[nodiscard]] bool shows_contradiction() const;
   [[nodiscard]] Ending give_best(Status reason);
   [[nodiscard]] Ending explain(bool stalled) const;
   [[nodiscard]] bool step(Run& run);
@@ -78,6 +85,7 @@ class PathEngine {
   int inner_steps_ = 0;
   bool leaning_ = false;  // the estimates stay 0
   bool lost_ = false;
+  bool looks_for_contradiction_ = false, suspects_contradiction_ = false;
   Images images_, direction_images_;
   Violations violations_, best_violations_;
   double best_objective_ = 0.0;

@@ -36,6 +36,16 @@ ScaledProblem empty_problem(Index variables) {
   return p;
 }
 
+// Creates a linear system within the memory that is left to the run beside the problem's copy.
+std::unique_ptr<Kkt> make_system(const ScaledProblem& copy, const Run& run) {
+  const auto entries = static_cast<double>(copy.A.values.size() + copy.rows.values.size());
+  const double vectors =
+      tuning::memory_iterates * (copy.variables() + copy.equalities() + copy.layout.size());
+  const double own = entries * (sizeof(double) + sizeof(Index)) + vectors * sizeof(double);
+  KktCost least;
+  return make_kkt(copy, {run.bytes_left - own, KktCost{}.flops}, run.interrupt(), least);
+}
+
 // Appends all rows of Q, as equalities.
 void append_rows(const SymmetricMatrix& Q, RowMatrix& to) {
   std::vector<std::vector<std::pair<Index, double>>> rows(static_cast<std::size_t>(Q.size));
@@ -115,7 +125,7 @@ class Branch {
 
  private:
   std::optional<Vector> nearest(Run& run, ConstVectorRef target) {
-    const std::unique_ptr<Kkt> kkt = make_kkt(problem_, run.interrupt());
+    const std::unique_ptr<Kkt> kkt = make_system(problem_, run);
     if (kkt == nullptr) return std::nullopt;
     BranchEngines engines(problem_, *kkt);
     problem_.g = -target;
@@ -174,7 +184,7 @@ std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorR
   relaxed.rows = p.rows;
   relaxed.offset = p.offset;
   relaxed.layout.inequalities = p.layout.size();  // every side of a pair, without complementarity
-  const std::unique_ptr<Kkt> kkt = make_kkt(relaxed, run.interrupt());
+  const std::unique_ptr<Kkt> kkt = make_system(relaxed, run);
   if (kkt == nullptr) return std::nullopt;
   BranchEngines engines(relaxed, *kkt);
   engines.point.start_from_point(z);

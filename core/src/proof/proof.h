@@ -1,5 +1,5 @@
 // Provides the last resorts of a solve without a solution: proofs that none exists, and otherwise a feasible
-// point. They use their own workspace.
+// point. They use their own workspace, within Run::bytes_left; if that is too little, they find nothing.
 #pragma once
 
 #include <optional>

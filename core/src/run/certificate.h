@@ -34,6 +34,9 @@ struct FarkasProof {
 /// True if the iterate's multipliers, or its z, are close to a proof (to 10⁻⁶), so that it is worth looking
 /// for one.
 [[nodiscard]] bool seems_infeasible(const ScaledProblem& p, const Iterate& x);
+/// Whether the iterate's multipliers leave no feasible point nearer than some times as far out as its z
+/// (scaled): a proof is worth its factorizations before a path has come to its end.
+[[nodiscard]] bool suggests_infeasible(const ScaledProblem& p, const Iterate& x);
 [[nodiscard]] bool seems_unbounded(const ScaledProblem& p, const Iterate& x);
 
 }  // namespace marble

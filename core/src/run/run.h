@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <limits>
 #include <optional>
 
 #include "data/interrupt.h"
@@ -34,6 +35,7 @@ class Run {
   bool nonconvex = false;  // a factorization showed that Q has negative curvature in a relevant direction
   std::int32_t told_iteration = -1;  // the last reported iteration
   Times times;
+  double bytes_left = std::numeric_limits<double>::infinity();  // for systems of its proofs
 
   /// Adds the time of a scope to polishing, or to another part, without times that are counted elsewhere.
   /// Nested scopes count only once.

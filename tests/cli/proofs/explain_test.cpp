@@ -20,6 +20,11 @@ class Explain : public Cli {
   Result explained(const Json& problem, const std::string& options) {
     return run("explain --quiet " + options + " " + quoted(file("problem.json", problem.dump())));
   }
+  // What is printed but for the time that it took.
+  std::string parts_of(const std::string& command) {
+    const std::string out = run(command).out;
+    return out.substr(0, out.find("  time "));
+  }
 };
 
 TEST_F(Explain, NamesEachPartAndByHowMuchToRelaxIt) {
@@ -75,9 +80,48 @@ TEST_F(Explain, RefusesNamesThatDoNotFitByTheirField) {
     EXPECT_EQ(result.exit_code, 2) << names;
     EXPECT_NE(result.err.find(error), std::string::npos) << error << ": " << result.err;
   }
-  std::string text = arm().dump();
-  text.insert(text.size() - 1, ",\"more\":" + deep);
-  EXPECT_EQ(run("explain --quiet --local " + quoted(file("deep.json", text))).exit_code, 2);
+  const std::string text = R"({"n":1,"g":[1],"names":{"variables":)" + deep + "}}";
+  const Result result = run("explain --quiet --local " + quoted(file("deep.json", text)));
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_NE(result.err.find("names: is nested too deep"), std::string::npos) << result.err;
+}
+
+TEST_F(Explain, OtherKeysMayBeNestedDeep) {
+  for (const bool before : {true, false}) {
+    std::string text = arm().dump();
+    const std::string more = "\"more\":" + std::string(5000, '[') + std::string(5000, ']');
+    text.insert(before ? 1 : text.size() - 1, before ? more + "," : "," + more);
+    const Result result = run("explain --quiet --local " + quoted(file("deep.json", text)));
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_NE(result.out.find("strength"), std::string::npos) << result.out;
+  }
+}
+
+TEST_F(Explain, ConvertedJsonKeepsItsNames) {
+  Json problem = arm();
+  problem["names"]["pairs"] = {"Knie \u00e4u\u00dfen"};
+  const std::string path = file("arm.json", problem.dump()), copy = directory_.file("copy.json");
+  for (const auto& [in, input] :
+       {std::pair{quoted(path), std::string("/dev/null")}, std::pair{std::string("-"), path}}) {
+    const Result converted = run("convert " + in + " " + quoted(copy), input);
+    EXPECT_EQ(converted.exit_code, 0);
+    EXPECT_EQ(converted.err, "");
+    EXPECT_EQ(Json::parse(read_file(copy))["names"], problem["names"]) << in;
+  }
+  EXPECT_EQ(parts_of("explain --quiet --local " + quoted(copy)),
+            parts_of("explain --quiet --local " + quoted(path)));
+  const Result binary = run("convert " + quoted(path) + " " + quoted(directory_.file("arm.pb")));
+  EXPECT_EQ(binary.exit_code, 0);
+  EXPECT_NE(binary.err.find("has no place for names: left out"), std::string::npos) << binary.err;
+}
+
+TEST_F(Explain, ConvertRefusesNamesThatDoNotFit) {
+  Json problem = arm();
+  problem["names"]["pairs"] = {"touch", "slip"};
+  const Result result =
+      run("convert " + quoted(file("arm.json", problem.dump())) + " " + quoted(directory_.file("copy.json")));
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_NE(result.err.find("names.pairs: must be an array of 1 texts"), std::string::npos) << result.err;
 }
 
 TEST_F(Explain, NamesOfOthersDoNotSteerTheTerminal) {

@@ -13,7 +13,7 @@ namespace marble {
 namespace {
 
 constexpr int kSeeds = 60;
-constexpr int kMostFactorizations = 2000;
+constexpr int kMostFactorizations = 2000, kMostOfAContradiction = 200;
 
 // Appends a row Σ value z_j + offset ≥ 0.
 void add_inequality(OwnedProblem& p, const std::vector<double>& row, double offset) {
@@ -59,7 +59,7 @@ TEST(Ending, ContradictoryRowsAreInfeasibleWithAProof) {
     add_inequality(p, row, 0.0);
     const Solution s = solve_in_process(p.view()).value();
     ASSERT_EQ(s.status, Status::infeasible) << p.name << ": " << s.detail;
-    EXPECT_LE(s.factorizations, kMostFactorizations) << p.name;
+    EXPECT_LE(s.factorizations, kMostOfAContradiction) << p.name;
     // Farkas: Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0 with ν, ξ, η ≥ 0 and bᵀy − dᵀν − lᵀξ − rᵀη > 0.
     const std::size_t n_e = p.b.size();
     const std::size_t n_i = p.d.size();
@@ -80,6 +80,41 @@ TEST(Ending, ContradictoryRowsAreInfeasibleWithAProof) {
     }
     EXPECT_GT(gap, 0.0) << p.name;
     for (const double entry : combination) EXPECT_NEAR(entry, 0.0, 1e-5 * gap) << p.name;
+  }
+}
+
+// z₀ + z₁ ≥ 2 + apart and z₀ + z₁ ≤ 2, min z₀ + z₁, perhaps with 0 ≤ z₀ ⊥ z₁ ≥ 0.
+OwnedProblem apart(double by, bool with_pair) {
+  OwnedProblem p;
+  p.g = {1.0, 1.0};
+  add_inequality(p, {1.0, 1.0}, -2.0 - by);
+  add_inequality(p, {-1.0, -1.0}, 2.0);
+  if (!with_pair) return p;
+  p.L = compress(1, 2, {{0}, {0}, {1.0}}, "L").value();
+  p.R = compress(1, 2, {{0}, {1}, {1.0}}, "R").value();
+  p.l = p.r = {0.0};
+  return p;
+}
+
+TEST(Ending, RowsThatContradictEachOtherAreProvedSoAtOnce) {
+  for (const bool with_pair : {false, true}) {
+    const Solution s = solve_in_process(apart(2.0, with_pair).view()).value();
+    EXPECT_EQ(s.status, Status::infeasible) << s.detail;
+    EXPECT_FALSE(s.certificate.empty());
+    EXPECT_LE(s.factorizations, 30) << with_pair;
+  }
+}
+
+TEST(Ending, RowsApartByLessThanTheTolerancesAreNoContradiction) {
+  for (const bool with_pair : {false, true}) {
+    for (const double by : {1e-4, 3e-6}) {
+      const Solution s = solve_in_process(apart(by, with_pair).view()).value();
+      EXPECT_EQ(s.status, Status::solved_reduced) << by << ": " << s.detail;
+    }
+    for (const double by : {5e-7, 1e-8}) {
+      const Solution s = solve_in_process(apart(by, with_pair).view()).value();
+      EXPECT_EQ(s.status, Status::solved) << by << ": " << s.detail;
+    }
   }
 }
 

@@ -20,6 +20,21 @@ TEST(Setup, RefusesAProblemThatNeedsMoreMemoryThanItMayHave) {
   }
 }
 
+// z₀ ≥ 2 and z₀ ≤ 1.
+TEST(Setup, LooksForAProofWithinTheMemoryThatIsLeft) {
+  OwnedProblem p;
+  p.g = {1.0};
+  p.C = compress(2, 1, {{0, 1}, {0, 0}, {1.0, -1.0}}, "C").value();
+  p.d = {-2.0, 1.0};
+  const Problem problem = Problem::create(p.view()).value();
+  const std::int64_t own = Solver::create(problem).value().memory_bytes();
+  const auto status = [&problem](std::int64_t bytes) {
+    return Solver::create(problem, {}, {.most_bytes = bytes}).value().solve().value().status;
+  };
+  EXPECT_NE(status(own), Status::infeasible) << "another system does not fit";
+  EXPECT_EQ(status(own + 100'000), Status::infeasible);
+}
+
 TEST(Setup, TakesOtherOptionsForSolvesToCome) {
   const OwnedProblem p = examples::rocket();
   Solver solver = Solver::create(Problem::create(p.view()).value()).value();

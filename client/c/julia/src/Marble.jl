@@ -42,6 +42,22 @@ function checked(call)
     end
 end
 
+"""
+Why a problem is infeasible: parts that no point meets together, whatever the others are. `equalities` are rows of A,
+`inequalities` rows of C, `left_sides` and `right_sides` pairs whose L z + l ≥ 0 or R z + r ≥ 0 takes part, and
+`complementarities` pairs that take part by having a side at zero. Indices start at 1 and ascend. `minimal`: without any
+one of these parts the others have a point; false where a limit came first. `detail`: what was proved, or which limit.
+"""
+struct Conflict
+    equalities::Vector{Int}
+    inequalities::Vector{Int}
+    left_sides::Vector{Int}
+    right_sides::Vector{Int}
+    complementarities::Vector{Int}
+    minimal::Bool
+    detail::String
+end
+
 """An answer, solved or not: see `status`. With Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0 at a solution."""
 struct Solution
     status::String
@@ -54,6 +70,7 @@ struct Solution
     eta::Vector{Float64}
     certificate::Vector{Float64}
     numbers::Dict{String,Float64}  # bound, gap, iterations, factorizations, kkt_residual, violations, times
+    conflict::Union{Conflict,Nothing}  # with option explain, of a problem that is proved to be infeasible
 end
 
 const NUMBERS = ("bound", "gap", "proved", "nodes", "iterations", "factorizations", "kkt_residual", "equality_violation",
@@ -73,6 +90,21 @@ function number(handle, name)
     return value[]
 end
 
+function conflict_part(handle, part)
+    indices, count = Ref{Ptr{Int32}}(C_NULL), Ref{Int64}(0)
+    checked(error -> ccall((:marble_solution_conflict, LIBRARY), Int32,
+                           (Ptr{Cvoid}, Cstring, Ref{Ptr{Int32}}, Ref{Int64}, Ptr{UInt8}), handle, part, indices, count, error))
+    return count[] == 0 ? Int[] : Int.(unsafe_wrap(Array, indices[], count[])) .+ 1
+end
+
+function conflict_of(handle)
+    kind = number(handle, "conflict")
+    kind == 0 && return nothing
+    parts = ("equalities", "inequalities", "left_sides", "right_sides", "complementarities")
+    detail = ccall((:marble_solution_conflict_detail, LIBRARY), Cstring, (Ptr{Cvoid},), handle)
+    return Conflict((conflict_part(handle, part) for part in parts)..., kind == 2, unsafe_string(detail))
+end
+
 # Copies the answer and destroys the handle.
 function taken(handle)
     try
@@ -81,7 +113,7 @@ function taken(handle)
                         unsafe_string(ccall((:marble_solution_detail, LIBRARY), Cstring, (Ptr{Cvoid},), handle)),
                         ccall((:marble_solution_objective, LIBRARY), Float64, (Ptr{Cvoid},), handle),
                         (vector(handle, name) for name in ("z", "y", "nu", "xi", "eta", "certificate"))...,
-                        Dict(name => number(handle, name) for name in NUMBERS))
+                        Dict(name => number(handle, name) for name in NUMBERS), conflict_of(handle))
     finally
         ccall((:marble_solution_destroy, LIBRARY), Cvoid, (Ptr{Cvoid},), handle)
     end
@@ -136,7 +168,8 @@ end
     solve(g; Q, A, b, C, d, L, l, R, r, c0, options...)
 
 Solves where the environment's `MARBLE_SERVER` says, and in this process where that says nothing. What is left out is
-zero or absent; options are the solver's, by name. Throws a `Fault` that names the part that is wrong.
+zero or absent; options are the solver's, by name: with `explain=true` the solution of an infeasible problem has a
+`conflict`. Throws a `Fault` that names the part that is wrong.
 """
 function solve(g; Q=nothing, A=nothing, b=nothing, C=nothing, d=nothing, L=nothing, l=nothing, R=nothing, r=nothing,
                c0=0.0, options...)

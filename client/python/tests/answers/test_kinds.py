@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import pathlib
@@ -46,6 +47,12 @@ def test_a_local_answer_is_printed_with_what_to_try():
     assert "answer        local minimum; no bound is known" in text
     assert "what to try   starts=8 searches 8 times" in text and "global=true searches" in text
     assert "starts=16 searches twice as often" in contact(small_budget=0, starts=8).what_to_try
+
+
+def test_segments_do_not_spend_the_budget_of_a_search_together():
+    answer = dataclasses.replace(contact(small_budget=0), factorizations=2000)
+    assert answer.facts.budget_spent
+    assert not dataclasses.replace(answer, detail="segments; " + answer.detail).facts.budget_spent
 
 
 def test_with_global_the_proof_has_its_line():

@@ -132,7 +132,7 @@ export class Solution {
         violations.inequality <= (options.inequalityTolerance ?? 1e-6) &&
         violations.complementarity <= (options.complementarityTolerance ?? 1e-6),
       pairs: this.complementarityMultipliersL.length,
-      budgetSpent: this.factorizations >= (options.localSearchBudget ?? 1000),
+      budgetSpent: this.factorizations >= (options.localSearchBudget ?? 1000) && !this.detail.includes("segments; "),
       starts: options.starts ?? 1,
       globalSearch: options.global ?? false,
     };

@@ -36,7 +36,9 @@ struct SolutionFacts {
   bool feasible = false;  ///< z is within the tolerances
   std::int64_t pairs = 0;
   std::int64_t factorizations = 0;
-  bool budget_spent = false;   ///< the factorizations have reached the option local_search_budget
+  /// The factorizations have reached the option local_search_budget. False for a solution by segments, each
+  /// of which has that budget.
+  bool budget_spent = false;
   std::int32_t starts = 1;     ///< the option of that name
   bool global_search = false;  ///< the option of that name
   bool maximize = false;       ///< the user's objective is the negative of the problem's

@@ -173,7 +173,8 @@ class Solution:
             objective=self.objective, gap=self.gap,
             feasible=all(violation <= float(limits.get(name, 1e-6)) for violation, name in met),
             pairs=self.xi.size, factorizations=self.factorizations, starts=int(limits.get("starts", 1)),
-            budget_spent=self.factorizations >= int(limits.get("local_search_budget", 1000)),
+            budget_spent=(self.factorizations >= int(limits.get("local_search_budget", 1000))
+                          and "segments; " not in self.detail),
             global_search=bool(limits.get("global", False)))
 
     @property

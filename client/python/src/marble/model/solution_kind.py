@@ -28,7 +28,8 @@ _BY_STATUS = {
 class SolutionFacts:
     """What the kind of a solution, its text and its advice follow from; second_order as a word, "unknown" without one.
 
-    feasible: the point is within the tolerances. budget_spent: the factorizations have reached local_search_budget.
+    feasible: the point is within the tolerances. budget_spent: the factorizations have reached local_search_budget,
+    which says nothing of an answer by segments, as each of them has that budget.
     starts, global_search: the options starts and global.
     """
 

@@ -80,6 +80,18 @@ def parse(text: str, name: str) -> dict[str, Any]:
     return dict(value)
 
 
+def parse_problem(path: Path) -> dict[str, Any]:
+    """The object of a problem file; of a file in another format the error says how to convert it."""
+    must(path.stat().st_size <= MOST_BYTES, f"{path}: must have at most {MOST_BYTES} bytes")
+    try:
+        return parse(path.read_text("utf-8"), str(path))
+    except (BadFile, UnicodeDecodeError) as error:
+        if path.suffix == ".json":
+            raise
+        raise BadFile(f"{path}: must be a problem in JSON; this command writes it with the same numbers, for which the "
+                      f"proof holds too: marble convert {path} {path.with_suffix('.json')} ({error})") from None
+
+
 def shift_of(values: list[float]) -> int:
     """The least k with which 2^k times each of these doubles is whole."""
     return max((value.as_integer_ratio()[1].bit_length() - 1 for value in values if value), default=0)
@@ -95,8 +107,7 @@ class Problem:
     """The LCQP; all numbers as integers, 2^shift times what they are."""
 
     def __init__(self, path: Path) -> None:
-        must(path.stat().st_size <= MOST_BYTES, f"{path}: must have at most {MOST_BYTES} bytes")
-        data = parse(path.read_text("utf-8"), str(path))
+        data = parse_problem(path)
         self.n = index(data.get("n"), MOST_ENTRIES, "n")
         triplets, vectors, sizes = (dict[str, Any]() for _ in range(3))
         for block, offset in (("Q", "g"), ("A", "b"), ("C", "d"), ("L", "l"), ("R", "r")):
