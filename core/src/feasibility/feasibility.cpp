@@ -104,7 +104,7 @@ PairTree::End Feasibility::search_tree(Run& run, ConstVectorRef z, int last_fact
 }
 
 SetTree::End Feasibility::search_sets(Run& run, ConstVectorRef z) {
-  if (!sets_.applies()) return SetTree::End::stopped;
+  if (!sets_.applies(run)) return SetTree::End::stopped;
   const std::int64_t most = std::int64_t{tuning::set_nodes} * options_.feasibility_budget;
   return sets_.run(run, z, most, [&](ConstVectorRef point, const WorkingSet& branch) {
     return take(run, point, branch, "tree over sets of pairs");

@@ -44,7 +44,8 @@ bool Projection::start(Run& run, ConstVectorRef target) {
 std::unique_ptr<Kkt> Projection::make_engine() {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   KktCost least;
-  std::unique_ptr<Kkt> kkt = make_kkt(nearest_, {tuning::set_bytes, kInfinity}, run_->interrupt(), least);
+  std::unique_ptr<Kkt> kkt = make_kkt(nearest_, {std::min(tuning::set_bytes, run_->bytes_left), kInfinity},
+                                      run_->interrupt(), least);
   if (kkt == nullptr) return kkt;
   kkt->attend(run_->interrupt());
   kkt->load(nearest_);

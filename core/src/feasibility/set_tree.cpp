@@ -28,9 +28,9 @@ double node_bytes(const Projection::State& state) {
 
 SetTree::SetTree(const ScaledProblem& problem) : problem_(problem) {}
 
-bool SetTree::applies() const {
+bool SetTree::applies(const Run& run) const {
   return problem_.pairs() >= tuning::set_members && problem_.pairs() <= tuning::conflict_depth &&
-         Projection::most_bytes(problem_) <= tuning::set_bytes;
+         Projection::most_bytes(problem_) <= std::min(tuning::set_bytes, run.bytes_left);
 }
 
 Index SetTree::row_of(Index side) const {

@@ -37,7 +37,7 @@ class SetTree {
   [[nodiscard]] End run(Run& run, ConstVectorRef z, std::int64_t most_nodes, const Accept& accept);
 
   /// Whether it would not take too much memory.
-  [[nodiscard]] bool applies() const;
+  [[nodiscard]] bool applies(const Run& run) const;
   [[nodiscard]] std::int64_t nodes() const { return nodes_; }  ///< of the last run()
   /// Of a run that refuted: no z with |z|∞ up to this is feasible, user units.
   [[nodiscard]] double radius() const { return projection_->radius(); }
