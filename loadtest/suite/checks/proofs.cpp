@@ -36,8 +36,7 @@ constexpr std::size_t kAtOnce = 200;  // files that one run of the checker reads
 struct ProofTally {
   int problems = 0, claimed = 0, written = 0;
   std::map<std::string, int> unproved;  // by status
-  std::map<std::string, int>
-      words;  // of the checker: holds, assumes |z| <= radius, or the reason for a failure
+  std::map<std::string, int> words;     // of the checker: holds, assumes |z| <= radius, or a reason
   std::size_t leaves = 0;
   std::uintmax_t bytes = 0;
   double solve_s = 0.0, check_s = 0.0;

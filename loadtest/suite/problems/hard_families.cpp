@@ -94,8 +94,7 @@ OwnedProblem game(Index n, std::uint64_t seed) {
   model.equal_zero(x, -1.0);
   model.equal_zero(y, -1.0);
   OwnedProblem p = model.problem();
-  if (seed / 2 % 2 == 1)
-    p.g[2 * static_cast<std::size_t>(n)] = p.g.back() = -1.0;  // maximizes the sum for both
+  if (seed / 2 % 2 == 1) p.g[2 * static_cast<std::size_t>(n)] = p.g.back() = -1.0;  // maximize the sum
   return p;
 }
 
