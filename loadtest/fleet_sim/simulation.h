@@ -31,8 +31,7 @@ struct Recorded {
 
 struct Plan {
   int planners = 100;
-  double rate_hz =
-      20.0;  ///< of each planner's control steps; 0: it sends the next one as soon as it has its result
+  double rate_hz = 20.0;  ///< of each planner's control steps; 0: sends the next one at once after a result
   bool sessions =
       false;  ///< a planner stays with a server, and its newer control step replaces a waiting one
   int servers = 1;

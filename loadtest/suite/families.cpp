@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-// Multiplies all data but the structure of the pairs; Q by D Q D, which keeps it symmetric and definite.
+// Multiplies all data except the structure of the pairs; Q by D Q D, which keeps it symmetric and definite.
 OwnedProblem perturb(OwnedProblem p, double size, std::uint64_t seed) {
   Noise noise(seed);
   std::vector<double> d(p.g.size());

@@ -1,4 +1,4 @@
-// The families of problems the suite runs, and what each shows.
+// Declares the families of problems of the suite, and what each shows.
 #pragma once
 
 #include <filesystem>
@@ -12,19 +12,19 @@ namespace marble::suite {
 struct Settings {
   std::filesystem::path benchmarks;  ///< MacMPEC and robotics problems with references; may not exist
   int seeds = 20;                    ///< of the random families
-  int starts = 8;                    ///< of the references where none is known
-  bool judging = false;  ///< hard, statuses, starts, proofs, conflicts, scenarios and horizons: the half of
-                         ///< the seeds for judging
+  int starts = 8;                    ///< of the references if none is known
+  bool judging = false;  ///< hard, statuses, starts, proofs, conflicts, scenarios and horizons: use the half
+                         ///< of the seeds for judging
   std::string peers;     ///< a command that runs qp_peers.py, or global_peers.py; empty: no peers
   double time_limit_s = 60.0;  ///< of a proof
-  Options options;             ///< macmpec and robotics: what is solved by
-  std::string only;            ///< of the problems to prove, of coupled and scenarios, that one; all if empty
+  Options options;             ///< macmpec and robotics: the options of the solves
+  std::string only;            ///< solve only this problem of proofs, coupled and scenarios; all if empty
   std::string checker = MARBLE_PROOF_CHECKER;  ///< a command that checks the files of proofs
-  std::filesystem::path keep;                  ///< proofs: the folder that files stay in; none do if empty
-  int steps = 0;                               ///< coupled and horizons: of the hopper, that horizon; 0: all
+  std::filesystem::path keep;                  ///< proofs: the folder where files are kept; none if empty
+  int steps = 0;  ///< coupled and horizons: only this horizon of the hopper; 0: all
 };
 
-/// The problems of a folder in the order of their names; none, said so, where there is no folder.
+/// Returns the problems of a folder in the order of their names; none, with a message, if there is no folder.
 [[nodiscard]] std::vector<std::filesystem::path> problem_files(const std::filesystem::path& folder);
 
 /// The options on each MacMPEC problem, against the best known objective.
@@ -39,7 +39,7 @@ void variants(const Settings& settings);
 void qpecs(const Settings& settings);
 /// Vectors that change by 1e-3, 20 times in a row, warm.
 void warm(const Settings& settings);
-/// The hopper as a planner would run it: 50 ticks, warm against cold.
+/// The hopper as in a planner: 50 control steps, warm against cold.
 void mpc(const Settings& settings);
 /// The hopper at horizons of 30 to 480 steps.
 void growth(const Settings& settings);
@@ -51,24 +51,24 @@ void global(const Settings& settings);
 void units(const Settings& settings);
 /// Two solves at a time on two threads against one.
 void throughput(const Settings& settings);
-/// Where it is hard to find a feasible point, and small problems with many minima: solved, wrong, and the
-/// work.
+/// Problems whose feasible points are hard to find, and small problems with many minima: solved, wrong, and
+/// the work.
 void hard(const Settings& settings);
 /// Small integers against an enumeration of all branches, and ill-conditioned complementarity problems:
-/// whether statuses, optima and bounds are right.
+/// checks statuses, optima and bounds.
 void statuses(const Settings& settings);
-/// Control steps that are given a feasible plan, the inputs of before rolled out: whether the answer is ever
-/// infeasible, above the plan, or above the optimum of its branch. Five steps a seed.
+/// Control steps with a feasible plan, the roll-out of the previous inputs: checks that no solution is
+/// infeasible, above the plan, or above the optimum of its branch. Five steps per seed.
 void starts(const Settings& settings);
 /// Proofs written to files and checked by another program: MacMPEC, robots, small integers, families where a
 /// feasible point is hard to find, ill-conditioned complementarity problems.
 void proofs(const Settings& settings);
-/// Planted conflicts, explained, and judged by enumeration.
+/// Planted conflicts, explained, and checked by enumeration.
 void conflicts(const Settings& settings);
-/// Problems tied by rows between them, and hoppers cut into pieces: block by block, and whole.
+/// Problems coupled by rows, and hoppers divided into pieces: block by block, and whole.
 void coupled(const Settings& settings);
-/// One plan for sampled worlds, grown level by level against all at once: the rocket by its trigger's
-/// altitude, the hopper by friction.
+/// One plan for sampled scenarios, in growing sample-average stages against all at once: the rocket by its
+/// trigger's altitude, the hopper by friction.
 void scenarios(const Settings& settings);
 
 }  // namespace marble::suite

@@ -1,5 +1,5 @@
-// How far branch and bound proves the known problems, and what a node costs; beside other solvers, where they
-// are told of; and how often the local answer is the global one.
+// Measures how far branch and bound proves the known problems, and the cost of a node; compares with other
+// solvers, if requested; and measures how often the local solution is the global one.
 #include <unistd.h>
 
 #include <algorithm>
@@ -19,13 +19,13 @@
 namespace marble::suite {
 namespace {
 
-constexpr double kSame = 1e-5;           // of the objective: the same answer
+constexpr double kSame = 1e-5;           // of the objective: counts as the same solution
 constexpr double kSmallProblems_s = 20;  // of a proof, of the families
 
 struct Named {
   std::string name;
   OwnedProblem problem;
-  bool small = false;  // of a test set: nobody else is asked
+  bool small = false;  // of a test set: no other solver is run
 };
 
 std::vector<Named> with_proofs(const Settings& settings) {
@@ -42,7 +42,7 @@ std::vector<Named> with_proofs(const Settings& settings) {
   return problems;
 }
 
-// What other solvers make of it in the same time, a line each.
+// Prints the results of other solvers in the same time, a line each.
 void ask_peers(const Settings& settings, const Named& named) {
   const std::string file =
       std::filesystem::temp_directory_path() / ("marble-global-" + std::to_string(getpid()));
@@ -62,7 +62,7 @@ void ask_peers(const Settings& settings, const Named& named) {
   std::filesystem::remove(file);
 }
 
-// A family's problems, and what is known of them.
+// A family's problems, and their known values.
 struct Family {
   const char* name;
   std::function<OwnedProblem(std::uint64_t)> make;
@@ -86,7 +86,7 @@ std::vector<Family> families() {
            }}};
 }
 
-// Local answers, with one start and with several, against proved ones.
+// Compares local solutions, with one start and with several, with proved ones.
 void local_against_proved(const Settings& settings) {
   std::printf("\n%-26s %7s %7s %8s %10s %10s %9s %10s\n", "family", "proved", "of", "global", "median",
               "worst", "starts=", "global");

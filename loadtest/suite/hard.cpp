@@ -18,7 +18,7 @@ struct Tally {
   double lowest_sum = 0.0;
 };
 
-// A word that an independent check or the way the problem was made contradicts.
+// True if an independent check or the construction of the problem contradicts the status.
 bool is_wrong(const Record& r, const HardProblem& problem) {
   if (is_solved(r.status)) return problem.proof || r.violation > 1e-6;
   const bool claims_proof = r.status == Status::infeasible || r.status == Status::unbounded;

@@ -1,4 +1,4 @@
-// Runs families of problems and prints what the solver reached on them.
+// Runs families of problems and prints the solver's results.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>

@@ -19,8 +19,8 @@
 namespace marble::suite {
 namespace {
 
-constexpr int kTurns = 3, kMostTurns = 30;  // of each solver; the fastest counts
-constexpr double kTurns_ms = 200.0;         // as many as fit, in between
+constexpr int kTurns = 3, kMostTurns = 30;  // of each solver; the fastest is used
+constexpr double kTurns_ms = 200.0;         // as many as fit, within these bounds
 
 std::vector<OwnedProblem> problems() {
   std::vector<OwnedProblem> all;
@@ -45,7 +45,7 @@ struct Peer {
   double milliseconds, objective, violation;
 };
 
-// What the script says of a problem; nothing if it cannot be run.
+// Returns the script's results for a problem; nothing if it cannot be run.
 std::vector<Peer> ask_peers(const std::string& script, const OwnedProblem& p, const std::string& file,
                             int turns) {
   write_json(p, file);

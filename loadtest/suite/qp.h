@@ -1,11 +1,11 @@
-// Convex QPs without pairs, against solvers made for them.
+// Compares the solver with QP solvers on convex QPs without pairs.
 #pragma once
 
 #include "families.h"
 
 namespace marble::suite {
 
-/// Random sparse QPs, linear MPC and obstacle problems.
+/// Runs random sparse QPs, linear MPC and obstacle problems.
 void qp(const Settings& settings);
 
 }  // namespace marble::suite

@@ -1,4 +1,4 @@
-// One solve as the suite sees it, and the tables it prints.
+// Records one solve of the suite, and prints the tables.
 #pragma once
 
 #include <string>
@@ -13,25 +13,25 @@ struct Record {
   Status status = Status::numerical_failure;
   double objective = 0.0;
   double reference = 0.0;  ///< NaN if there is none
-  double violation = 0.0;  ///< worst, by the independent check
+  double violation = 0.0;  ///< largest, by the independent check
   double stationarity = 0.0;
   int factorizations = 0;
   double milliseconds = 0.0;
-  std::string origin;  ///< the engines that found it
+  std::string origin;  ///< the engines that found the solution
 
   /// (objective − reference) / max(1, |reference|)
   [[nodiscard]] double gap() const;
-  /// Solved, and the independent check agrees to 1e-9 of the data's size.
+  /// Returns true if it is solved, and the independent check agrees to 1e-9 of the data's size.
   [[nodiscard]] bool feasible() const { return is_solved(status) && violation <= 1e-9; }
 };
 
-/// Solves once and judges the answer by code that shares nothing with the solver.
+/// Solves once and checks the solution with code that shares nothing with the solver.
 [[nodiscard]] Record solve_and_judge(const std::string& name, const OwnedProblem& problem,
                                      const Options& options, double reference);
 
 void print_header();
 void print(const Record& record);
-/// Feasible, within the gap, median and largest factorizations, median ms.
+/// Prints: feasible, within the gap, median and largest factorizations, median ms.
 void print_summary(const std::string& family, const std::vector<Record>& records, double gap);
 
 [[nodiscard]] double median(std::vector<double> values);

@@ -57,8 +57,8 @@ std::vector<Number> all_numbers() {
   };
 }
 
-// Below and above, by a little and by much. What lies between 0 and 1 near 1, or just above it, moves by its
-// distance from 1; so does a factor by which something rises, which does not end below 1.
+// Values below and above, by small and large changes. A number between 0 and 1 near 1, or just above 1, moves
+// by its distance from 1; so does a growth factor, which stays above 1.
 std::vector<double> others(const Number& n) {
   const bool rises = n.value > 1.0 && std::string_view(n.name).ends_with("_factor");
   std::vector<double> values;
@@ -75,8 +75,7 @@ std::vector<double> others(const Number& n) {
 
 using Outcomes = std::vector<Outcome>;
 
-// In a process of its own, which a number that makes no sense may end: what is missing then counts as not
-// solved.
+// Runs in a separate process, which an invalid number may end: missing results then count as not solved.
 class Measurement {
  public:
   Measurement(const std::vector<Instance>& instances, const std::function<void()>& prepare)
@@ -128,7 +127,7 @@ double worst_tenth(std::vector<double> values) {
   return sum / static_cast<double>(values.size());
 }
 
-// Relative to the base: 1 where only one of the two is solved.
+// Relative to the base: 1 if only one of the two is solved.
 double change(const Outcome& base, const Outcome& other) {
   if (std::isnan(base.objective) && std::isnan(other.objective)) return 0.0;
   if (std::isnan(other.objective)) return 1.0;
@@ -174,11 +173,11 @@ bool save(const std::string& name, const Outcomes& outcomes) {
   return !file.fail();
 }
 
-// Nothing, with a word on stderr, if it is not of as many instances.
+// Returns nothing, with a message on stderr, if the number of instances differs.
 Outcomes load(const std::string& name, std::size_t count) {
   std::ifstream file(name);
   Outcomes outcomes;
-  std::string objective;  // may be nan, which a stream does not read
+  std::string objective;  // may be nan, which a stream cannot parse
   for (Outcome o; file >> objective >> o.factorizations >> o.seconds;) {
     o.objective = std::strtod(objective.c_str(), nullptr);
     outcomes.push_back(o);
@@ -200,7 +199,7 @@ std::map<std::string, Effect> by_family(const std::vector<Instance>& instances, 
   return effects;
 }
 
-// Where answers change: "gates 1 worse, hopper 2 better".
+// Lists where solutions change: "gates 1 worse, hopper 2 better".
 std::string changed_families(const std::map<std::string, Effect>& effects) {
   std::string text;
   for (const auto& [family, e] : effects) {

@@ -1,4 +1,4 @@
-// The same problems in other units: of all variables, of each, of rows, of the cost.
+// Solves the same problems in other units: of all variables, of each, of rows, of the cost.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

@@ -118,7 +118,9 @@ Lines foot(const Model& model, const View& view, const Look& look) {
   return {{"q quit  ? help  enter open  c cancel  s sort  r reverse  / filter  p pause", Style::faint}};
 }
 
-int server_height(const Size& size) { return is_roomy(size) ? 5 : 2; }  // with a blank line if there is space
+int server_height(const Size& size) {
+  return is_roomy(size) ? 5 : 2;
+}  // including a blank line if there is space
 
 Lines body(const Model& model, View& view, const Look& look, int height) {
   if (view.help) return help_lines();

@@ -27,8 +27,7 @@ class Pendulum {
     // Sets the constant entries.
     marble::Triplets motion, gap, force, hessian;
     for (Index k = 0; k < kStages; ++k) {
-      motion.add(2 * k, at(k, kSpeed), 1.0),
-          motion.add(2 * k, at(k, kAngle), 1.0);  // the second entry changes
+      motion.add(2 * k, at(k, kSpeed), 1.0), motion.add(2 * k, at(k, kAngle), 1.0);  // the second varies
       motion.add(2 * k, at(k, kMotor), -kStep), motion.add(2 * k, at(k, kForce), kStep);
       motion.add(2 * k + 1, at(k, kAngle), 1.0), motion.add(2 * k + 1, at(k, kSpeed), -kStep);
       if (k > 0) motion.add(2 * k, at(k - 1, kSpeed), -1.0), motion.add(2 * k + 1, at(k - 1, kAngle), -1.0);

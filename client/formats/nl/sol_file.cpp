@@ -41,7 +41,7 @@ std::string sol_text(const SolFile& sol) {
   add_message(text, sol.message);
   const auto options = static_cast<std::int64_t>(sol.options.size());
   text += "Options\n";
-  add_line(text, options + (sol.vb_tolerance ? 2 : 0));  // tells a reader that the tolerance follows
+  add_line(text, options + (sol.vb_tolerance ? 2 : 0));  // announces the tolerance to readers
   for (const int option : sol.options) add_line(text, std::int64_t{option});
   add_line(text, std::int64_t{sol.constraints});
   add_line(text, static_cast<std::int64_t>(sol.duals.size()));

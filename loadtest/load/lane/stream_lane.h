@@ -51,8 +51,7 @@ class StreamLane : public Lane, private grpc::ClientBidiReactor<grpc::ByteBuffer
   Condition changed_;
   grpc::ByteBuffer written_ ABSL_GUARDED_BY(mutex_);
   bool ready_ ABSL_GUARDED_BY(mutex_) = false, writing_ ABSL_GUARDED_BY(mutex_) = false;
-  bool broken_ ABSL_GUARDED_BY(mutex_) =
-      false;  // no more writes: the hold that allowed others to write is released
+  bool broken_ ABSL_GUARDED_BY(mutex_) = false;  // no more writes: the hold for other writers is gone
   bool over_ ABSL_GUARDED_BY(mutex_) = false;
   grpc::Status status_ ABSL_GUARDED_BY(mutex_);
   std::int64_t last_id_ ABSL_GUARDED_BY(mutex_) = 0;

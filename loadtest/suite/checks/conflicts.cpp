@@ -1,4 +1,5 @@
-// Planted conflicts: whether option explain finds parts that contradict each other, and none too many.
+// Checks planted conflicts: option explain must find parts that contradict each other, and no more than
+// needed.
 #include <algorithm>
 #include <cstdio>
 #include <string>

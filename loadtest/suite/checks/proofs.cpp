@@ -1,5 +1,5 @@
-// Whether what is called proved is: proofs written to files and checked in exact rational numbers by a
-// program that shares nothing with the solver.
+// Checks proofs: they are written to files and checked in exact rational numbers by a program that shares
+// nothing with the solver.
 #include <unistd.h>
 
 #include <algorithm>
@@ -32,17 +32,18 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kAtOnce = 200;  // files that one run of the checker reads
 
-// What became of the proofs of a family.
+// The results of a family's proofs.
 struct ProofTally {
   int problems = 0, claimed = 0, written = 0;
   std::map<std::string, int> unproved;  // by status
-  std::map<std::string, int> words;     // of the checker: holds, assumes |z| <= radius, or why not
+  std::map<std::string, int> words;     // of the checker: holds, assumes |z| <= radius, or a reason
   std::size_t leaves = 0;
   std::uintmax_t bytes = 0;
   double solve_s = 0.0, check_s = 0.0;
 };
 
-// Of a line of the checker: {"verdict": "holds", ...}, or with an "error". Without its numbers, which differ.
+// Returns the verdict of a line of the checker: {"verdict": "holds", ...}, or with an "error". Drops its
+// numbers, which vary.
 std::string word_of(const std::string& line) {
   if (line.starts_with("{\"verdict\": \"holds\"")) return "hold";
   if (line.starts_with("{\"verdict\": \"holds for")) return "hold for |z| <= radius";
@@ -54,7 +55,7 @@ std::string word_of(const std::string& line) {
   return error;
 }
 
-// Proofs that wait for the checker, in a folder of their own.
+// Proofs that wait for the checker, in a separate folder.
 class Folder {
  public:
   Folder(std::string checker, const fs::path& kept)
@@ -124,7 +125,7 @@ void prove(const OwnedProblem& problem, const Options& options, Folder& folder, 
     if (solution->proved) ++tally.words["not written: " + proof.reason];
     return;
   }
-  if (!solution->proved) return;  // a bound that is true, but no proof of the answer
+  if (!solution->proved) return;  // a true bound, but no proof of the solution
   ++tally.written;
   tally.leaves += proof.leaves.size();
   folder.add(problem, options, *solution, proof, tally);
@@ -144,7 +145,7 @@ void print(const std::string& family, const ProofTally& t) {
   std::fflush(stdout);
 }
 
-// Gates up to 0.3 m and 0.2 rad from where they were: bounds on tilt and thrust leave no way through some.
+// Gates displaced by up to 0.3 m and 0.2 rad: bounds on tilt and thrust leave no way through some.
 OwnedProblem scattered_gates(std::uint64_t seed) {
   std::mt19937_64 random(seed);
   const auto shift = [&random](double size) {
@@ -185,7 +186,7 @@ void proofs(const Settings& settings) {
     family("rocket", global, [&](auto&& take) { take(examples::rocket()); });
     family("gates", global, [&](auto&& take) { take(examples::gates()); });
   }
-  const auto seed_of = [&](int i) {  // odd ones are for choosing numbers, even ones judge
+  const auto seed_of = [&](int i) {  // odd seeds are for tuning, even ones for judging
     return 2 * static_cast<std::uint64_t>(i) + (settings.judging ? 2 : 1);
   };
   if (wanted("gates")) {

@@ -1,4 +1,4 @@
-// Feasible starts of control steps: whether an answer is ever infeasible, above its start, or above the
+// Checks feasible starts of control steps: no solution may be infeasible, above its start, or above the
 // optimum of the start's branch.
 #include <algorithm>
 #include <array>
@@ -20,7 +20,7 @@ constexpr int kTicks = 5;
 
 struct StartTally {
   const char* how;
-  bool of_branch = true;  ///< its answer is not above the optimum of the start's branch
+  bool of_branch = true;  ///< its solution is not above the optimum of the start's branch
   int answers = 0, infeasible = 0, above_start = 0, above_branch = 0, solved = 0;
   std::vector<double> factorizations = {};
 
@@ -39,7 +39,7 @@ double objective_at(const OwnedProblem& p, const std::vector<double>& z) {
   return testing::judge_point(p.view(), z).objective;
 }
 
-// What the rows of a matrix come to at z.
+// Returns the values of a matrix's rows at z.
 std::vector<double> at(const SparseMatrix& matrix, std::vector<double> values, const std::vector<double>& z) {
   for (std::size_t j = 0; j < z.size(); ++j) {
     for (Index k = matrix.column_pointers[j]; k < matrix.column_pointers[j + 1]; ++k)
@@ -49,7 +49,7 @@ std::vector<double> at(const SparseMatrix& matrix, std::vector<double> values, c
   return values;
 }
 
-// The optimum of the QP with the smaller side of each pair held at zero.
+// Returns the optimum of the QP with the smaller side of each pair held at zero.
 double branch_optimum(const OwnedProblem& p, const std::vector<double>& z) {
   const std::vector<double> s = at(p.L, p.l, z), t = at(p.R, p.r, z);
   std::vector<bool> s_zero(s.size());
@@ -58,7 +58,7 @@ double branch_optimum(const OwnedProblem& p, const std::vector<double>& z) {
   return solution.status == Status::solved ? solution.objective : INFINITY;
 }
 
-// One controller: its steps by themselves, in a session, warm, stopped.
+// One controller: its steps solved separately, in a session, warm, and stopped.
 void follow(std::uint64_t seed, std::array<StartTally, 5>& tallies) {
   testing::ControlSteps steps(seed);
   OwnedProblem p = steps.problem();

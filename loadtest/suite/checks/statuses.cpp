@@ -1,5 +1,5 @@
-// Whether what an answer says of itself is true: random problems of small integers against an enumeration of
-// all branches, and complementarity problems that have a solution but are ill-conditioned.
+// Checks the reported statuses: random problems of small integers against an enumeration of all branches, and
+// ill-conditioned complementarity problems that have a solution.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -38,7 +38,7 @@ void count(const OwnedProblem& p, const std::optional<testing::GlobalOptimum>& t
   t.stationary += s.b_stationary.value_or(false);
 }
 
-// Odd seeds are for choosing numbers, even ones judge.
+// Odd seeds are for tuning, even ones for judging.
 std::uint64_t seed_of(int i, bool judging) { return 2 * static_cast<std::uint64_t>(i) + (judging ? 2 : 1); }
 
 void integers(const Settings& settings) {

@@ -23,7 +23,7 @@ double ms_since(Clock::time_point begin) {
   return 1e3 * std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
-constexpr int kThreads = 2;  // as many cores as the machine of the measurements has
+constexpr int kThreads = 2;  // the number of cores of the measuring machine
 
 struct CoupledTally {
   int solved = 0, as_good = 0, better = 0, agreed = 0, frozen = 0, flips = 0, wrong = 0;
@@ -111,7 +111,7 @@ void hoppers_in_pieces(int only_steps) {
   }
 }
 
-/// Budgets that bind: a share of what the hoppers need at most, each by itself.
+/// Budgets that bind: a share of the hoppers' largest need when each is solved separately.
 void hoppers_on_a_budget() {
   std::printf("%7s %5s %8s %22s %8s %7s %12s %8s %14s %14s %8s %22s %14s\n", "hoppers", "steps", "budget",
               "ends", "iterat.", "frozen", "fact. blocks", "s", "objective", "of the blocks", "whole s",

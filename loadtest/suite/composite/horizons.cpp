@@ -1,5 +1,5 @@
-// Long plans of the hopper: solved whole, and in pieces of 60 steps by solve_in_pieces, which is given the
-// stages.
+// Compares long plans of the hopper solved whole, and in pieces of 60 steps by solve_in_pieces, which is
+// given the stages.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -23,7 +23,7 @@ double processor_seconds() {
 }
 
 struct Answer {
-  double objective = 0.0, seconds = 0.0;  // of processor time
+  double objective = 0.0, seconds = 0.0;  // processor time
   std::int64_t factorizations = 0;
   bool feasible = false;
 };
@@ -49,7 +49,7 @@ Answer in_pieces(const OwnedProblem& p, int steps) {
 
 }  // namespace
 
-// Even seeds are those that the numbers of segments were chosen on; --judge takes odd ones.
+// The numbers of segments were tuned on even seeds; --judge uses odd ones.
 void horizons(const Settings& settings) {
   std::printf("%6s %5s %16s %8s %8s %16s %8s %8s %9s %9s\n", "steps", "seed", "whole", "fact.", "CPU s",
               "pieces", "fact.", "CPU s", "objective", "time");
@@ -58,7 +58,7 @@ void horizons(const Settings& settings) {
     std::vector<double> objectives, times;
     int feasible = 0, near = 0;
     for (int i = 0; i < settings.seeds; ++i) {
-      const int seed = 2 * i + (settings.judging ? 1 : 0);  // 0: as it is
+      const int seed = 2 * i + (settings.judging ? 1 : 0);  // 0: unchanged
       examples::HopperParameters parameters;
       if (seed > 0) parameters = examples::vary(parameters, static_cast<std::uint64_t>(seed));
       parameters.steps = steps;

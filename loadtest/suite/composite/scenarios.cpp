@@ -15,7 +15,7 @@ namespace {
 
 using examples::OneNumberWorlds;
 
-/// Of this process, on one thread: other load on the machine does not count.
+/// For this process, on one thread: other load on the machine does not count.
 double cpu_ms() { return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
 std::vector<double> draws(std::uint64_t seed, int worlds, double low, double high) {
@@ -25,7 +25,7 @@ std::vector<double> draws(std::uint64_t seed, int worlds, double low, double hig
   return result;
 }
 
-// Altitudes in the middle of N equal parts of 3 to 4.8 m, cold.
+// Altitudes at the centres of N equal parts of 3 to 4.8 m, cold.
 void optima(const OneNumberWorlds& rocket) {
   std::printf("rocket, one plan for N altitudes 3 + 1.8 (j + 1/2) / N m, cold\n");
   std::printf("%6s %10s %6s  %-10s %13s %15s %10s\n", "N", "variables", "pairs", "end", "objective",
@@ -62,7 +62,7 @@ Cold solve_cold(const OwnedProblem& whole, const Options& options) {
   return {std::move(solution), cpu_ms() - begun};
 }
 
-// 1 to 32 altitudes against 32 at once: cold as by default, and cold without a local search.
+// 1 to 32 altitudes against 32 at once: cold by default, and cold without a local search.
 void chains(const OneNumberWorlds& rocket, const Settings& settings) {
   constexpr int kWorlds = 32;
   std::printf("rocket, 1 to %d altitudes at random, against %d at once\n", kWorlds, kWorlds);

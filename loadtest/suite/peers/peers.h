@@ -1,4 +1,4 @@
-// A problem for other solvers.
+// Writes a problem for other solvers.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace marble::suite {
 
-/// A problem as client/FORMATS.md says, for a script that asks other solvers.
+/// Writes a problem in the format of client/FORMATS.md, for a script that runs other solvers.
 void write_json(const OwnedProblem& p, const std::string& file);
 
 }  // namespace marble::suite

@@ -25,13 +25,13 @@ Terms row_of(const Eigen::MatrixXd& matrix, Index row, Index first_variable, dou
   return terms;
 }
 
-// A linear cost for every other problem: what is feasible must not depend on it.
+// Adds a linear cost to every other problem: feasibility must not depend on it.
 void add_cost(OwnedProblem& p, Noise& noise, std::uint64_t seed) {
   if (seed / 2 % 2 == 0) return;
   for (double& entry : p.g) entry = noise.uniform();
 }
 
-// aᵀx = b, 0 ≤ x ⊥ 1 − x ≥ 0, with the b of some x in {0, 1}ⁿ.
+// aᵀx = b, 0 ≤ x ⊥ 1 − x ≥ 0, where b is attained by some x in {0, 1}ⁿ.
 OwnedProblem subset_sum(Index n, std::uint64_t seed) {
   Noise noise(seed);
   Model model("subset sum", n);
@@ -94,11 +94,12 @@ OwnedProblem game(Index n, std::uint64_t seed) {
   model.equal_zero(x, -1.0);
   model.equal_zero(y, -1.0);
   OwnedProblem p = model.problem();
-  if (seed / 2 % 2 == 1) p.g[2 * static_cast<std::size_t>(n)] = p.g.back() = -1.0;  // the most for both
+  if (seed / 2 % 2 == 1) p.g[2 * static_cast<std::size_t>(n)] = p.g.back() = -1.0;  // maximize the sum
   return p;
 }
 
-// 0 ≤ x ⊥ M x + q ≥ 0 with a full M of no particular class, and the q of a solution with half of x positive.
+// 0 ≤ x ⊥ M x + q ≥ 0 with a full M of no particular class, and a q such that half of a solution x is
+// positive.
 OwnedProblem planted_lcp(Index n, std::uint64_t seed) {
   Noise noise(seed);
   const Eigen::MatrixXd M = random_matrix(noise, n, n);
@@ -130,8 +131,8 @@ OwnedProblem indefinite_box(Index n, Index pairs, std::uint64_t seed) {
   return p;
 }
 
-// A leader x in [−1, 1]³ and a follower who solves min ½ yᵀHy + (c + Gx)ᵀy on −1 ≤ y ≤ 1, y of 12 entries: 24
-// pairs. The leader wants to be near some (x, y).
+// A leader x in [−1, 1]³ and a follower who solves min ½ yᵀHy + (c + Gx)ᵀy on −1 ≤ y ≤ 1, y with 12 entries:
+// 24 pairs. The leader minimizes the distance to some (x, y).
 OwnedProblem bilevel(std::uint64_t seed) {
   constexpr Index kLeader = 3;
   constexpr Index kFollower = 12;
@@ -159,7 +160,7 @@ OwnedProblem bilevel(std::uint64_t seed) {
   return model.problem();
 }
 
-// Those that need no search.
+// Adds the problems that need no search.
 void add_proofs(std::vector<HardProblem>& all) {
   Model apart("equalities apart", 1);
   apart.equal_zero({{0, 1.0}});

@@ -1,5 +1,5 @@
-// Problems made by formula whose difficulty is to find a feasible point at all, and small ones whose local
-// minima are many.
+// Generates problems whose difficulty is to find a feasible point at all, and small ones with many local
+// minima.
 #pragma once
 
 #include <functional>
@@ -15,18 +15,18 @@ namespace marble::suite {
 struct HardProblem {
   std::string family;
   OwnedProblem problem;
-  std::optional<Status> proof;         ///< the only right answer; none: it is feasible, and bounded below
-  std::optional<double> optimum = {};  ///< where it is known: no other answer is right
+  std::optional<Status> proof;         ///< the only correct status; none: it is feasible, and bounded below
+  std::optional<double> optimum = {};  ///< if known: no other objective is correct
 };
 
-/// All families, `seeds` problems of each random one: odd seeds, which numbers may be tuned on, or even ones,
-/// which judge.
+/// Returns all families, `seeds` problems of each random one: odd seeds, for tuning, or even ones, for
+/// judging.
 [[nodiscard]] std::vector<HardProblem> hard_problems(int seeds, bool judging);
 
-/// Those whose rows are nearly parallel: a matter of accuracy, not of search.
+/// Adds problems whose rows are nearly parallel: a question of accuracy, not of search.
 void add_parallel_rows(std::vector<HardProblem>& all, int seeds, bool judging);
 
-/// Those of the literature.
+/// Adds problems from the literature.
 void add_published(std::vector<HardProblem>& all);
 
 }  // namespace marble::suite

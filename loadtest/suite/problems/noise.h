@@ -1,4 +1,4 @@
-// Numbers at random, the same for a seed on every machine.
+// Provides random numbers that are the same for a seed on every machine.
 #pragma once
 
 #include <cstdint>
@@ -10,9 +10,9 @@ namespace marble::suite {
 class Noise {
  public:
   explicit Noise(std::uint64_t seed) : engine_(seed) {}
-  /// In [−1, 1).
+  /// Returns a number in [−1, 1).
   double uniform() { return static_cast<double>(engine_() >> 11) * 0x1p-52 - 1.0; }
-  /// Uniform in [1 − size, 1 + size].
+  /// Returns a number uniform in [1 − size, 1 + size].
   double factor(double size) { return 1.0 + size * uniform(); }
   void apply(std::vector<double>& values, double size) {
     for (double& value : values) value *= factor(size);

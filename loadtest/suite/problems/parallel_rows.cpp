@@ -1,5 +1,5 @@
-// Strictly convex QPs in which one row is another one plus e times noise, with an optimum known by the way
-// they are made.
+// Generates strictly convex QPs in which one row is another one plus e times noise, with an optimum known by
+// construction.
 #include <Eigen/Core>
 #include <cmath>
 #include <cstdint>
@@ -29,15 +29,15 @@ Terms terms_of(const Eigen::VectorXd& row) {
   return terms;
 }
 
-// The answer is z, with multipliers of the parallel rows that are 1/e and differ by about 1: the sum of their
-// terms is about 1 again. Pairs have positive multipliers of the sides that are zero, so that z is the
-// optimum without complementarity too.
+// The solution is z, with multipliers of the parallel rows that are 1/e and differ by about 1: the sum of
+// their terms is again about 1. The zero sides of pairs have positive multipliers, so that z is also the
+// optimum without complementarity.
 HardProblem parallel_rows(const std::string& family, Kind kind, Index n, Index m, bool box,
                           std::uint64_t seed) {
   Noise noise(seed);
   const double e = std::pow(10.0, -2.0 - static_cast<double>(seed / 2 % 6));
   const Eigen::VectorXd z = random_vector(noise, n);
-  Eigen::VectorXd gradient = -z;  // of Q = I
+  Eigen::VectorXd gradient = -z;  // with Q = I
   Model model(family, n);
   for (Index j = 0; j < n; ++j) model.add_square(1.0, {{j, 1.0}});
   Eigen::VectorXd first;

@@ -14,7 +14,7 @@ SparseMatrix matrix(Index rows, Index columns, const Triplets& entries, const ch
   return compress(rows, columns, entries, name).value();
 }
 
-// Four entries in each row, at random.
+// Four random entries per row.
 Triplets scattered(Index rows, Index columns, Noise& noise) {
   Triplets entries;
   for (Index row = 0; row < rows; ++row) {
@@ -40,7 +40,7 @@ OwnedProblem scattered_problem(Index n, Curvature curvature, std::uint64_t seed)
   OwnedProblem p;
   Triplets Q;
   if (curvature != Curvature::diagonal) {
-    const Triplets root = scattered(n / 2, n, noise);  // four entries a row
+    const Triplets root = scattered(n / 2, n, noise);  // four entries per row
     for (std::size_t first = 0; first < root.values.size(); first += 4) {
       for (std::size_t i = first; i < first + 4; ++i) {
         for (std::size_t j = first; j < first + 4; ++j)

@@ -1,4 +1,4 @@
-// Small problems from the literature with the optima given there, none of them of the 39 in the benchmarks.
+// Provides small problems from the literature with their published optima; none is among the 39 benchmarks.
 #include <utility>
 
 #include "model.h"
@@ -16,7 +16,7 @@ struct Row {
 };
 
 // The leader, whose variables come first, minimizes `cost`; the follower minimizes `own` over its variables
-// with rows ≥ 0. Its optimality: own = Σ λ_i of its part of row i, λ_i ⊥ row i.
+// with rows ≥ 0. The follower's optimality: own = Σ λ_i of its part of row i, λ_i ⊥ row i.
 OwnedProblem leader_and_follower(Index leaders, const std::vector<double>& cost,
                                  const std::vector<double>& own, const std::vector<Row>& rows,
                                  const std::vector<Row>& of_leader = {}) {
@@ -40,7 +40,7 @@ OwnedProblem leader_and_follower(Index leaders, const std::vector<double>& cost,
 
 Row row(Terms terms, double constant) { return {std::move(terms), constant}; }
 
-// Rows of Bialas and Karwan 1984, of x and y.
+// Rows of Bialas and Karwan 1984, in x and y.
 std::vector<Row> five_rows() {
   return {row({{0, 1.0}, {1, 2.0}}, -10.0), row({{0, -1.0}, {1, 2.0}}, 6.0), row({{0, -2.0}, {1, 1.0}}, 21.0),
           row({{0, -1.0}, {1, -2.0}}, 38.0), row({{0, 1.0}, {1, -2.0}}, 18.0)};

@@ -16,7 +16,7 @@
 namespace marble::suite {
 namespace {
 
-constexpr double kRunaway_s = 60.0;  // of processor time no solve here takes a tenth
+constexpr double kRunaway_s = 60.0;  // processor time; no solve here takes a tenth of it
 
 double processor_seconds() {
   timespec now{};
@@ -24,7 +24,7 @@ double processor_seconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-// A proof counts as an answer too: 0 if it is given.
+// A proof counts as a solution too, with objective 0.
 double answer(const OwnedProblem& problem, const Solution& s) {
   if (s.status == Status::infeasible || s.status == Status::unbounded) return 0.0;
   return is_solved(s.status) && testing::judge(problem.view(), s).infeasibility() < 1e-6
@@ -41,7 +41,7 @@ Outcome cold(const OwnedProblem& problem) {
   return {answer(problem, s), static_cast<double>(s.factorizations), seconds};
 }
 
-// What a tree leaves open of the gap, within so many nodes.
+// Returns the remaining gap of a tree with a bounded number of nodes.
 Outcome proof(const OwnedProblem& problem) {
   Options options;
   options.time_limit_s = kRunaway_s;
@@ -54,14 +54,15 @@ Outcome proof(const OwnedProblem& problem) {
   return {open, static_cast<double>(s.factorizations + s.nodes), seconds};
 }
 
-// Of a problem in units of 10^-3 to 10^3 each variable and row: the answer in the problem's own.
+// Solves a problem in units of 10^-3 to 10^3 for each variable and row; returns the objective in the original
+// units.
 Outcome in_other_units(const OwnedProblem& problem, std::uint64_t seed) {
   const auto random = [noise = Noise(seed)]() mutable { return std::pow(10.0, 3.0 * noise.uniform()); };
   return cold(testing::convert(problem, {random, random}).problem);
 }
 
-// Ten problems in a row, each from the answer before: `next` makes one of the last, of the same matrices, and
-// what to start it from of the last answer.
+// Solves ten problems in a row, each from the previous solution: `next` changes the last problem, with the
+// same matrices, and the start derived from its solution.
 Outcome chain(OwnedProblem p, const std::function<void(OwnedProblem&, Solution&)>& next) {
   Options options;
   options.time_limit_s = kRunaway_s;
@@ -81,14 +82,14 @@ Outcome chain(OwnedProblem p, const std::function<void(OwnedProblem&, Solution&)
   return sum;
 }
 
-// Vectors that change by `size`.
+// Changes the vectors by `size`.
 Outcome warm(const OwnedProblem& problem, double size, std::uint64_t seed) {
   return chain(problem, [noise = Noise(seed), size](OwnedProblem& p, Solution&) mutable {
     for (auto* vector : {&p.g, &p.b, &p.d, &p.l, &p.r}) noise.apply(*vector, size);
   });
 }
 
-// A hopper as its planner runs it: it does the first step of its plan, and plans from the rest of it.
+// A hopper as in its planner: it executes the first step of its plan, and plans from there.
 Outcome plan(const examples::HopperParameters& first) {
   return chain(examples::hopper(first), [parameters = first](OwnedProblem& p, Solution& last) mutable {
     parameters = examples::advance(parameters, last.z);
@@ -118,7 +119,7 @@ OwnedProblem box(Index n, std::uint64_t seed) {
   return p;
 }
 
-// Feasible, and then a row too many: v ≥ 1 and v ≤ 0.
+// A feasible problem with contradictory rows added: v ≥ 1 and v ≤ 0.
 OwnedProblem contradictory(std::uint64_t seed) {
   OwnedProblem p = testing::random_problem({}, seed);
   Noise noise(seed);

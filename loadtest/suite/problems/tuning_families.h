@@ -1,4 +1,4 @@
-// The families on which the solver's numbers are chosen, generated from seeds: none needs a file.
+// Generates the families on which the solver's numbers are tuned, from seeds: none needs a file.
 #pragma once
 
 #include <functional>
@@ -7,11 +7,11 @@
 
 namespace marble::suite {
 
-/// What one instance came to. A chain of warm starts is one instance: sums.
+/// The result of one instance. A chain of warm starts is one instance: sums.
 struct Outcome {
   double objective = 0.0;  ///< NaN if it was not solved
   double factorizations = 0.0;
-  double seconds = 0.0;  ///< of this process's processor time
+  double seconds = 0.0;  ///< processor time of this process
 };
 
 struct Instance {
@@ -19,7 +19,7 @@ struct Instance {
   std::function<Outcome()> solve;
 };
 
-/// Odd seeds are the half on which numbers are chosen, even ones the half on which they are judged.
+/// Odd seeds are for tuning, even ones for judging.
 [[nodiscard]] std::vector<Instance> tuning_instances(int seeds, bool judging);
 
 }  // namespace marble::suite

@@ -18,7 +18,7 @@ std::int64_t allocations() { return count.load(std::memory_order_relaxed); }
 
 }  // namespace marble::testing
 
-// C's front doors to the heap, through which operator new and Eigen go too; glibc's own lie behind them.
+// Replaces C's allocation functions, which operator new and Eigen use too, and forwards to glibc's own.
 extern "C" {
 void* __libc_malloc(std::size_t size);
 void* __libc_calloc(std::size_t number, std::size_t size);

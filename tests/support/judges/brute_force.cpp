@@ -17,8 +17,8 @@ using Vector = Eigen::VectorXd;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kFeasible = 1e-7;  // of rows of norm 1
-constexpr double kRunaway = 1e7;    // of rows of norm 1: an iterate this far out is far enough
-constexpr double kSuspect = 1e3;    // the same: one this far out may be on its way to −∞
+constexpr double kRunaway = 1e7;    // for rows of norm 1: an iterate this far out counts as unbounded
+constexpr double kSuspect = 1e3;    // for rows of norm 1: an iterate this far out may diverge to −∞
 
 // min ½ yᵀHy + cᵀy  s.t.  G y + h ≥ 0
 struct Branch {
@@ -47,7 +47,8 @@ double longest_step(const Vector& x, const Vector& dx) {
   return step;
 }
 
-// Mehrotra's predictor and corrector from an infeasible start. Its caller knows that the branch is feasible.
+// Mehrotra's predictor-corrector method from an infeasible start. The caller knows that the branch is
+// feasible.
 Vector interior_point(const Branch& p) {
   const Eigen::Index m = p.h.size();
   Vector y = Vector::Zero(p.c.size());
@@ -78,7 +79,7 @@ Vector interior_point(const Branch& p) {
       const double center = mu * std::pow(predicted / mu, 3);
       direction((w.cwiseProduct(nu) + dw.cwiseProduct(dnu)).array() - center);
     }
-    // One length for both: with different ones the dual residual of a QP need not fall.
+    // One step length for both: with different ones the dual residual of a QP need not decrease.
     const double step = std::min(1.0, 0.995 * std::min(longest_step(w, dw), longest_step(nu, dnu)));
     if (!dy.allFinite() || step < 1e-12) break;
     y += step * dy;
@@ -88,13 +89,14 @@ Vector interior_point(const Branch& p) {
   return y;
 }
 
-// The least violation of G y + h ≥ 0, by the linear program over (y, violation), which is always feasible.
+// Returns the least violation of G y + h ≥ 0, by the linear program over (y, violation), which is always
+// feasible.
 double least_violation(const Branch& p) {
   const Eigen::Index n = p.c.size();
   const Eigen::Index m = p.h.size();
   Branch phase;
   phase.H = Matrix::Zero(n + 1, n + 1);
-  phase.H.topLeftCorner(n, n).diagonal().setConstant(1e-10);  // of all such y a near one
+  phase.H.topLeftCorner(n, n).diagonal().setConstant(1e-10);  // selects one of small norm among these y
   phase.c = Vector::Unit(n + 1, n);
   phase.G = Matrix::Zero(m + 1, n + 1);
   phase.G.topLeftCorner(m, n) = p.G;
@@ -105,7 +107,8 @@ double least_violation(const Branch& p) {
   return m > 0 ? std::max(0.0, -(p.G * y + p.h).minCoeff()) : 0.0;
 }
 
-// Whether a feasible branch has a direction along which it stays feasible and its objective falls for ever.
+// Returns whether a feasible branch has a feasible direction along which its objective decreases without
+// bound.
 bool is_unbounded(const Branch& p) {
   const Eigen::SelfAdjointEigenSolver<Matrix> eigen(p.H);
   const double flat = 1e-9 * std::max(1.0, eigen.eigenvalues().maxCoeff());
@@ -125,7 +128,7 @@ bool is_unbounded(const Branch& p) {
   return cone.c.dot(interior_point(cone)) < -1e-6 * (1.0 + p.c.norm());
 }
 
-// Rows of norm 1; a row without entries says something about its constant only.
+// Scales rows to norm 1; a row without entries only restricts its constant.
 bool normalize(Matrix& rows, Vector& constants, bool equality) {
   Eigen::Index kept = 0;
   for (Eigen::Index i = 0; i < rows.rows(); ++i) {
@@ -166,7 +169,7 @@ struct BestPoint {
   bool unbounded = false;
 };
 
-// Of the branch in which the pairs of `choice` have t = 0 and the others s = 0.
+// Solves the branch where the pairs of `choice` have t = 0 and the others s = 0.
 std::optional<BestPoint> best_point(const Dense& p, unsigned choice) {
   const Eigen::Index n = p.g.size();
   const Eigen::Index pairs = p.l.size();
@@ -187,7 +190,7 @@ std::optional<BestPoint> best_point(const Dense& p, unsigned choice) {
   }
   if (!normalize(E, e, true)) return std::nullopt;
 
-  // Equalities leave z = point + basis · y.
+  // Equalities reduce z to point + basis · y.
   Vector point = Vector::Zero(n);
   Matrix basis = Matrix::Identity(n, n);
   if (E.rows() > 0) {

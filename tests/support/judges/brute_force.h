@@ -1,4 +1,4 @@
-// The global optimum of a tiny LCQP by enumeration: shares no code with the solver.
+// Finds the global optimum of a tiny LCQP by enumeration: shares no code with the solver.
 #pragma once
 
 #include <optional>
@@ -15,12 +15,12 @@ struct GlobalOptimum {
   int feasible_branches = 0;
 };
 
-/// Solves the convex QP left by each of the 2^n_c choices of the side of a pair that is zero. For n_c <= 12
-/// and a Q that is convex on every branch; throws std::invalid_argument otherwise. Empty if no branch is
+/// Solves the convex QP of each of the 2^n_c choices of the zero side of each pair. For n_c <= 12 and a Q
+/// that is convex on every branch; throws std::invalid_argument otherwise. Returns nothing if no branch is
 /// feasible.
 [[nodiscard]] std::optional<GlobalOptimum> brute_force(const ProblemView& problem);
 
-/// What a solver must say of a problem of which this is the optimum.
+/// Returns the status that a solver must report for a problem with this optimum.
 [[nodiscard]] Status true_status(const std::optional<GlobalOptimum>& optimum);
 
 }  // namespace marble::testing

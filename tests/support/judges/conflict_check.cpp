@@ -10,7 +10,7 @@
 namespace marble::testing {
 namespace {
 
-// Rows of several matrices above one another.
+// Rows of several matrices, stacked.
 struct Rows {
   Triplets entries;
   std::vector<double> constants;

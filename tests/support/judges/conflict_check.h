@@ -1,4 +1,4 @@
-// Whether a conflict is one, and minimal, by enumeration: shares no code with the solver.
+// Checks by enumeration that a conflict is one, and that it is minimal: shares no code with the solver.
 #pragma once
 
 #include "marble/problem.h"
@@ -6,11 +6,11 @@
 
 namespace marble::testing {
 
-/// Whether these parts of a problem have a point: of each choice of the sides that are zero, what
-/// brute_force() says of the rows that are left. For conflicts of at most 12 complementarities.
+/// Returns whether these parts of a problem have a common point: for each choice of zero sides, applies
+/// brute_force() to the remaining rows. For conflicts of at most 12 complementarities.
 [[nodiscard]] bool have_point(const ProblemView& problem, const Conflict& parts);
 
-/// Whether the parts have a point as soon as any one of them is left out.
+/// Returns whether the parts have a common point after removal of any one of them.
 [[nodiscard]] bool is_irreducible(const ProblemView& problem, const Conflict& parts);
 
 }  // namespace marble::testing

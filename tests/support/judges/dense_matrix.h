@@ -1,4 +1,4 @@
-// Dense matrices, in which small problems are easiest written down, as the sparse ones of a problem.
+// Converts dense matrices, the easiest form for small problems, to the sparse ones of a problem.
 #pragma once
 
 #include <Eigen/Core>
@@ -7,7 +7,7 @@
 
 namespace marble::testing {
 
-/// Its entries that are not 0.
+/// Returns its nonzero entries.
 [[nodiscard]] inline SparseMatrix sparse(const Eigen::MatrixXd& m) {
   Triplets entries;
   for (Eigen::Index i = 0; i < m.rows(); ++i) {

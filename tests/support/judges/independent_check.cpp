@@ -9,7 +9,7 @@ namespace {
 
 using Values = std::vector<double>;
 
-// NaN counts as infinitely bad.
+// NaN counts as infinite.
 void worsen(double& worst, double value) {
   worst = std::isnan(value) ? std::numeric_limits<double>::infinity() : std::max(worst, value);
 }

@@ -1,4 +1,4 @@
-// Judges a solution by plain loops over the user's own data: shares no code with the solver.
+// Checks a solution by plain loops over the user's own data: shares no code with the solver.
 #pragma once
 
 #include <vector>
@@ -22,7 +22,7 @@ struct Verdict {
 };
 
 [[nodiscard]] Verdict judge(const ProblemView& problem, const Solution& solution);
-/// Of a point alone: what multipliers decide means nothing.
+/// Checks only a point: fields that depend on multipliers are meaningless.
 [[nodiscard]] Verdict judge_point(const ProblemView& problem, const std::vector<double>& z);
 
 }  // namespace marble::testing

@@ -1,4 +1,4 @@
-// Two answers to one problem that must be the same to the last bit.
+// Compares two solutions of one problem, which must be equal to the last bit.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// One branch of a problem, as a problem of its own without pairs.
+// Provides one branch of a problem as a separate problem without pairs.
 #pragma once
 
 #include <vector>
@@ -7,12 +7,12 @@
 
 namespace marble::testing {
 
-/// s_i = 0 and t_i ≥ 0 where s_zero[i], else the other way round.
+/// s_i = 0 and t_i ≥ 0 if s_zero[i], else the reverse.
 [[nodiscard]] inline OwnedProblem branch(const OwnedProblem& p, const std::vector<bool>& s_zero) {
   OwnedProblem out = p;
   const auto n = static_cast<Index>(p.g.size());
   Triplets equalities, inequalities;
-  // Row `row` of m, or all of them, become rows from `to` on.
+  // Appends row `row` of m, or all rows, from row `to` on.
   const auto append = [](const SparseMatrix& m, Index row, Index to, Triplets& entries) {
     for (Index j = 0; j < m.columns; ++j) {
       for (Index k = m.column_pointers[j]; k < m.column_pointers[j + 1]; ++k) {
@@ -39,7 +39,7 @@ namespace marble::testing {
   return out;
 }
 
-/// The same by bits: bit i of `s_fixed` is s_zero[i]. Up to 32 pairs.
+/// The same with bits: bit i of `s_fixed` is s_zero[i]. Up to 32 pairs.
 [[nodiscard]] inline OwnedProblem branch(const OwnedProblem& p, unsigned s_fixed) {
   std::vector<bool> s_zero(p.l.size());
   for (std::size_t i = 0; i < s_zero.size(); ++i) s_zero[i] = (s_fixed >> i & 1U) != 0;

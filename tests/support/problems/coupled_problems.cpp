@@ -12,7 +12,8 @@
 namespace marble::testing {
 namespace {
 
-// Of unit variance: four uniform numbers, since the standard's distributions differ between libraries.
+// Unit variance: a sum of four uniform numbers, because the standard's distributions differ between
+// libraries.
 class Bell {
  public:
   explicit Bell(std::uint64_t seed) : engine_(seed) {}

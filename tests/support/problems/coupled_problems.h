@@ -1,4 +1,4 @@
-// Coupled problems by seed, the same on every machine.
+// Generates coupled problems from seeds, the same on every machine.
 #pragma once
 
 #include <cstdint>
@@ -13,22 +13,22 @@ struct OwnedCoupled {
   std::vector<SparseMatrix> coupling;
   std::vector<double> total;
 
-  /// It must outlive the view.
+  /// This must outlive the view.
   [[nodiscard]] CoupledView view() const;
 };
 
 struct CoupledSizes {
   Index blocks = 3;
-  Index variables = 4;  ///< of a block
-  Index pairs = 2;      ///< of a block
-  Index rows = 2;       ///< between blocks
+  Index variables = 4;  ///< per block
+  Index pairs = 2;      ///< per block
+  Index rows = 2;       ///< coupling rows
 };
 
-/// Dense blocks with Q = WWᵀ/n + ½I; sides, coupling rows and their total at random, of unit variance.
+/// Dense blocks with Q = WWᵀ/n + ½I; sides, coupling rows and their total are random, of unit variance.
 [[nodiscard]] OwnedCoupled random_coupled(const CoupledSizes& sizes, std::uint64_t seed);
 
-/// Hoppers on one supply: in each step their legs' vertical forces, N, sum to at most the budget. Hopper k is
-/// that of seed k; a last block without cost has what is left of the budget.
+/// Hoppers with a common budget: in each step the vertical forces of their legs, N, sum to at most the
+/// budget. Hopper k is that of seed k; a last block without cost takes the rest of the budget.
 [[nodiscard]] OwnedCoupled hoppers_on_a_budget(int hoppers, int steps, double budget);
 
 }  // namespace marble::testing

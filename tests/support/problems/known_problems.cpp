@@ -22,7 +22,7 @@ ProblemBuilder::Row row(std::size_t variables, std::initializer_list<Term> terms
   return all;
 }
 
-// bard1 with the lower level's bound y ≥ 0 among its constraints.
+// bard1 with the lower level's bound y ≥ 0 as one of its constraints.
 SmallProblem bard1m() {
   return Builder("bard1m", {-10, 4, 0, 0, 0, 0})
       .quadratic(0, 0, 2)
@@ -37,7 +37,7 @@ SmallProblem bard1m() {
       .optimum(17.0);
 }
 
-// The same once more, its constraints with slacks.
+// The same again, its constraints with slacks.
 SmallProblem ex9_2_1() {
   Builder b("ex9_2_1", {-10, 4, 0, 0, 0, 0, 0, 0, 0, 0});
   b.quadratic(0, 0, 2).quadratic(1, 1, 8).constant(26);
@@ -60,10 +60,10 @@ SmallProblem ex9_2_4() {
   return b.optimum(0.5);
 }
 
-// A firm shares out y, Σy ≤ 40, to two divisions that each miss their targets by as little as they can:
-// min (x₁ − 4)² + (x₂ − 13)² and min (x₃ − 35)² + (x₄ − 2)². It earns (200 − x₁ − x₃)(x₁ + x₃) + (160 − x₂ −
-// x₄)(x₂ + x₄). J. F. Bard, Practical Bilevel Optimization, 1998. Which bounds of x the divisions know of is
-// what tells the three apart.
+// A firm distributes y, Σy ≤ 40, to two divisions, each of which minimizes the distance to its targets: min
+// (x₁ − 4)² + (x₂ − 13)² and min (x₃ − 35)² + (x₄ − 2)². It earns (200 − x₁ − x₃)(x₁ + x₃) + (160 − x₂ −
+// x₄)(x₂ + x₄). J. F. Bard, Practical Bilevel Optimization, 1998. The three variants differ in which bounds
+// of x the divisions have.
 SmallProblem bard2(const char* name, bool own_lower, bool own_upper, double optimum) {
   const std::size_t n = 12 + (own_lower ? 4U : 0U) + (own_upper ? 4U : 0U);
   ProblemBuilder::Row gradient(n, 0.0);
@@ -104,7 +104,7 @@ SmallProblem bard2(const char* name, bool own_lower, bool own_upper, double opti
   return b.optimum(optimum);
 }
 
-// How far x is from an equilibrium y of two players (Harker's, by Facchinei, Jiang and Qi, 1999).
+// The distance from x to an equilibrium y of two players (Harker's, by Facchinei, Jiang and Qi, 1999).
 SmallProblem nash1() {
   Builder b("nash1", {0, 0, 0, 0, 0, 0});
   for (const Index i : {0, 1}) b.quadratic(i, i, 1).quadratic(i, i + 2, -1).quadratic(i + 2, i + 2, 1);
@@ -114,7 +114,7 @@ SmallProblem nash1() {
   return b.optimum(0.0);
 }
 
-// Which right-hand sides l make problem 44 of Hock and Schittkowski stationary near a given point.
+// Finds right-hand sides l that make problem 44 of Hock and Schittkowski stationary near a given point.
 SmallProblem hs044_i() {
   constexpr std::size_t n = 20;  // x, λ of its six rows, μ of its bounds, l
   ProblemBuilder::Row gradient(n, 0.0);
@@ -142,7 +142,7 @@ SmallProblem hs044_i() {
   return b.optimum(15.6177688889);
 }
 
-// Σ (xᵢ ± 1)² + Σ (yⱼ ± 2)², 0 ≤ yⱼ ⊥ yⱼ − xⱼ ≥ 0, and 0 ≤ yⱼ ⊥ yⱼ ≥ 0 where there is no x: five x, ten y.
+// Σ (xᵢ ± 1)² + Σ (yⱼ ± 2)², 0 ≤ yⱼ ⊥ yⱼ − xⱼ ≥ 0, and 0 ≤ yⱼ ⊥ yⱼ ≥ 0 for j without an x: five x, ten y.
 SmallProblem qpec(const char* name, double sign, double optimum) {
   constexpr Index kUpper = 5;
   constexpr Index kLower = 10;
@@ -186,8 +186,8 @@ SmallProblem linear_bilevel() {
   return b.optimum(-12.0);
 }
 
-// ½Σ(zᵢ − 1)² over the one solution (0, 0, 0, 0, 1) of an LCP whose matrix has 1 on and 2 above the diagonal
-// (Murty, 1978: Lemke's method visits exponentially many bases).
+// ½Σ(zᵢ − 1)² over the unique solution (0, 0, 0, 0, 1) of an LCP whose matrix has 1 on and 2 above the
+// diagonal (Murty, 1978: Lemke's method visits exponentially many bases).
 SmallProblem murty() {
   constexpr std::size_t n = 5;
   Builder b("murty", ProblemBuilder::Row(n, -1.0));
@@ -199,8 +199,8 @@ SmallProblem murty() {
   return b.constant(2.5).optimum(2.0);
 }
 
-// Σ(xᵢ − aᵢ)² with at most two entries of x ≥ 0 other than 0: three of y ≤ 1 must be 1 (Burdakov, Kanzow and
-// Schwartz, 2016). What is left is the squares of the three least a.
+// Σ(xᵢ − aᵢ)² with at most two nonzero entries of x ≥ 0: three of y ≤ 1 must be 1 (Burdakov, Kanzow and
+// Schwartz, 2016). The optimum is the sum of squares of the three smallest a.
 SmallProblem cardinality() {
   constexpr std::size_t n = 10;
   Builder b("cardinality", {-10, -8, -6, -4, -2, 0, 0, 0, 0, 0});
@@ -211,7 +211,7 @@ SmallProblem cardinality() {
   return b.at_least({0, 0, 0, 0, 0, 1, 1, 1, 1, 1, -3}).constant(55).optimum(14.0);
 }
 
-// Values 6, 5, 4, weights 5, 4, 3, room for 7: 0 ≤ b ⊥ 1 − b ≥ 0 makes b one of 0 and 1.
+// Values 6, 5, 4, weights 5, 4, 3, capacity 7: 0 ≤ b ⊥ 1 − b ≥ 0 makes b binary.
 SmallProblem knapsack() {
   Builder b("knapsack", {-6, -5, -4});
   for (Index i = 0; i < 3; ++i) b.pair(row(3, {{i, 1}}), row(3, {{i, -1}}, 1));
@@ -238,8 +238,8 @@ SmallProblem string_over_an_obstacle() {
   return b.constant(constant).optimum(481.0 / 672.0);
 }
 
-// x₁ + 2x₂ + y₁ + 2y₂, at most, over the equilibria of the game A = (3 1; 1 2), B = (2 1; 1 3), scaled as
-// Lemke and Howson do: 0 ≤ x ⊥ 1 − Ay ≥ 0, 0 ≤ y ⊥ 1 − Bᵀx ≥ 0. The mixed one, (0.4, 0.2; 0.2, 0.4).
+// Maximizes x₁ + 2x₂ + y₁ + 2y₂ over the equilibria of the game A = (3 1; 1 2), B = (2 1; 1 3), scaled as by
+// Lemke and Howson: 0 ≤ x ⊥ 1 − Ay ≥ 0, 0 ≤ y ⊥ 1 − Bᵀx ≥ 0. The mixed one, (0.4, 0.2; 0.2, 0.4).
 SmallProblem game() {
   return Builder("game", {-1, -2, -1, -2})
       .pair({1, 0, 0, 0, 0}, {0, 0, -3, -1, 1})
@@ -249,7 +249,7 @@ SmallProblem game() {
       .optimum(-1.8);
 }
 
-// What mechanics and circuits are made of, one element each: minima by hand, branch by branch.
+// Adds single elements of mechanics and circuits; minima computed by hand, branch by branch.
 void add_elements(std::vector<SmallProblem>& all) {
   // Coulomb: a force F moves a block, v = F − f, against friction f: 0 ≤ v ⊥ 2 − f ≥ 0. F² + (v − 6)².
   all.push_back(Builder("friction", {0, -12, 0})
@@ -334,17 +334,17 @@ std::vector<SmallProblem> known_problems() {
                     .at_least({-1, 0, 200})
                     .pair({0, 1, 0}, {0.5, 2, -100})
                     .optimum(-4900.0 / 1.5));
-  // Von Stackelberg's duopoly: the leader's profit (12 − q₁ − q₂)q₁, the follower's best answer 0 ≤ q₂ ⊥ q₁ +
-  // 2q₂ − 12 ≥ 0. q = (6, 3).
+  // Von Stackelberg's duopoly: the leader's profit (12 − q₁ − q₂)q₁, the follower's best response 0 ≤ q₂ ⊥ q₁
+  // + 2q₂ − 12 ≥ 0. q = (6, 3).
   all.push_back(Builder("duopoly", {-12, 0})
                     .quadratic(0, 0, 2)
                     .quadratic(0, 1, 1)
                     .at_least({1, 0, 0})
                     .pair({0, 1, 0}, {1, 2, -12})
                     .optimum(-18.0));
-  // 2x − y, x ≥ 0, 0 ≤ y ⊥ y − x ≥ 0 (MacMPEC): M-stationary, not strongly, at 0.
+  // 2x − y, x ≥ 0, 0 ≤ y ⊥ y − x ≥ 0 (MacMPEC): M-stationary, not strongly stationary, at 0.
   all.push_back(Builder("ralph1", {2, -1}).at_least({1, 0, 0}).pair({0, 1, 0}, {-1, 1, 0}).optimum(0.0));
-  // x² + y² − 4xy, 0 ≤ x ⊥ y ≥ 0 (MacMPEC): Q is indefinite, but not on a branch.
+  // x² + y² − 4xy, 0 ≤ x ⊥ y ≥ 0 (MacMPEC): Q is indefinite, but convex on each branch.
   all.push_back(Builder("ralph2", {0, 0})
                     .quadratic(0, 0, 2)
                     .quadratic(0, 1, -4)

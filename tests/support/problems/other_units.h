@@ -1,4 +1,4 @@
-// The same problem in other units.
+// Converts a problem to other units.
 #pragma once
 
 #include <functional>
@@ -8,8 +8,8 @@
 namespace marble::testing {
 
 struct OtherUnits {
-  /// What to multiply by: of each variable its column (the new variable is the old one by this), of each row
-  /// the row with its constant. Called once for each, in their order.
+  /// Scale factors: of a variable's column (the new variable is the old one divided by it), of a row with its
+  /// constant. Called once for each, in their order.
   std::function<double()> variable = [] { return 1.0; };
   std::function<double()> row = [] { return 1.0; };
   double cost = 1.0;
@@ -17,7 +17,7 @@ struct OtherUnits {
 
 struct Converted {
   OwnedProblem problem;
-  std::vector<double> variables;  ///< n: the old z is this times the new one
+  std::vector<double> variables;  ///< n: the factors from the new z to the old one
 };
 [[nodiscard]] Converted convert(OwnedProblem problem, const OtherUnits& units);
 

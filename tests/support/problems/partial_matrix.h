@@ -1,4 +1,4 @@
-// Matrices that are neither empty nor complete.
+// Provides matrices that are neither empty nor complete.
 #pragma once
 
 #include <functional>
@@ -10,7 +10,7 @@
 
 namespace marble::testing {
 
-/// What takes a complete matrix, or an empty one, of `columns` columns to one that must be refused, and its
+/// A change of a complete or an empty matrix with `columns` columns to one that must be rejected, and its
 /// name.
 struct PartialMatrix {
   const char* name;
@@ -81,12 +81,12 @@ struct PartialMatrix {
   };
 }
 
-/// The complete matrix without rows.
+/// Returns the complete matrix without rows.
 [[nodiscard]] inline SparseMatrix without_rows(Index columns) {
   return {0, columns, std::vector<Index>(static_cast<std::size_t>(columns) + 1, 0), {}, {}};
 }
 
-/// The matrices of a problem, by their letters.
+/// Returns the matrices of a problem by their letters.
 [[nodiscard]] inline std::vector<std::pair<std::string, SparseMatrix OwnedProblem::*>>
 matrices_of_a_problem() {
   return {{"Q", &OwnedProblem::Q},

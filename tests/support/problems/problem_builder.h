@@ -1,4 +1,4 @@
-// Writes small problems down, row by row.
+// Builds small problems row by row.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace marble::testing {
 
-/// Dense rows, the last entry of each being the constant.
+/// Takes dense rows whose last entry is the constant.
 class ProblemBuilder {
  public:
   using Row = std::vector<double>;

@@ -1,4 +1,4 @@
-// Random LCQPs by seed, feasible by construction.
+// Generates random LCQPs from seeds, feasible by construction.
 #pragma once
 
 #include <cstdint>
@@ -16,12 +16,12 @@ struct RandomSizes {
   bool indefinite = false;  ///< makes Q indefinite
 };
 
-/// The same problem for the same seed on every machine. A point z* is drawn first and offsets are chosen so
-/// that it is feasible, each pair with one or both sides zero.
+/// Returns the same problem for the same seed on every machine. A point z* is drawn first, and offsets are
+/// chosen such that it is feasible, with one or both sides of each pair zero.
 [[nodiscard]] OwnedProblem random_problem(const RandomSizes& sizes, std::uint64_t seed);
 
-/// Strictly convex and without constraints, but with the upper triangle of a Hessian of three scattered
-/// entries a column: a small request whose factor fills in. 16,000 variables: 10⁷ entries, minutes of
+/// Returns a strictly convex problem without constraints, with the upper triangle of a Hessian of three
+/// scattered entries per column: a small request with much fill-in. 16,000 variables: 10⁷ entries, minutes of
 /// factorization.
 [[nodiscard]] OwnedProblem filling_problem(Index variables);
 

@@ -1,4 +1,4 @@
-// The benchmark problems kept beside the checkout, where there are any: $MARBLE_SHARED or ../shared.
+// Reads the benchmark problems beside the checkout, if there are any: $MARBLE_SHARED or ../shared.
 #pragma once
 
 #include <filesystem>
@@ -7,7 +7,7 @@
 
 namespace marble::testing {
 
-/// The folder of the benchmark problems; it may not exist.
+/// Returns the folder of the benchmark problems; it may not exist.
 [[nodiscard]] std::filesystem::path shared_benchmarks();
 
 struct SharedProblem {

@@ -43,8 +43,8 @@ SmallProblem flp2() {
   return b.optimum(0.0);
 }
 
-// (y₁ − 2)² + y₂² over a design x and y minimising 0.01 y₁² + y₂² s.t. three constraints that x moves:
-// z = (y, x, multipliers).
+// (y₁ − 2)² + y₂² over a design x and y minimising 0.01 y₁² + y₂² s.t. three constraints that depend on x: z
+// = (y, x, multipliers).
 SmallProblem sl1() {
   Builder b("sl1", {-4, 0, 0, 0, 0, 0, 0, 0});
   b.constant(4).quadratic(0, 0, 2).quadratic(1, 1, 2);
@@ -172,7 +172,7 @@ std::vector<SmallProblem> small_problems() {
                     .at_least({0, 1, 0})
                     .at_least({-1, -1, 1})
                     .optimum(-2.0));
-  // Degenerate ones.
+  // Degenerate problems.
   all.push_back(Builder("biactive at the origin", {1, 1})
                     .quadratic(0, 0, 2)
                     .quadratic(1, 1, 2)

@@ -1,4 +1,4 @@
-// Small LCQPs with known global optima.
+// Provides small LCQPs with known global optima.
 #pragma once
 
 #include <vector>
@@ -12,18 +12,20 @@ struct SmallProblem {
   double optimum;  ///< of the global solution
 };
 
-/// Some twenty-five: problems of the MacMPEC collection (S. Leyffer) in encodings of our own, and hand-made
-/// ones for every missing block and for degenerate solutions. Built anew at each call.
+/// Returns about twenty-five problems: from the MacMPEC collection (S. Leyffer) in our own encodings, and
+/// hand-made ones for every missing block and for degenerate solutions. Built anew at each call.
 [[nodiscard]] std::vector<SmallProblem> small_problems();
 
-/// Thirty more: bilevel and equilibrium problems of the literature, sources at each, and single elements of
-/// mechanics, circuits and choice. Up to 12 pairs.
+/// Returns thirty more: bilevel and equilibrium problems of the literature, each with its source, and single
+/// elements of mechanics, circuits and choice. Up to 12 pairs.
 [[nodiscard]] std::vector<SmallProblem> known_problems();
 
-/// The public example of the paper's solver: min zᵀz, z₁ = 1, z₂ ≥ 1, 0 ≤ z₃ + 1 ⊥ z₄ − 1 ≥ 0; optimum 3.
+/// Returns the public example of the paper's solver: min zᵀz, z₁ = 1, z₂ ≥ 1, 0 ≤ z₃ + 1 ⊥ z₄ − 1 ≥ 0;
+/// optimum 3.
 [[nodiscard]] SmallProblem public_example();
 
-/// A string under its weight above a hump: min ½ ∫ u'² + ∫ u, u ≥ ψ, by n linear elements. No pairs.
+/// Returns a string under its weight above a hump: min ½ ∫ u'² + ∫ u, u ≥ ψ, with n linear elements. No
+/// pairs.
 [[nodiscard]] OwnedProblem obstacle_problem(Index n);
 
 }  // namespace marble::testing

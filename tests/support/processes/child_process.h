@@ -1,4 +1,5 @@
-// A child process with its output in a file: started, signalled, waited for. Killed with its owner.
+// Runs a child process with its output in a file: starts it, signals it, waits for it. It is killed with its
+// owner.
 #pragma once
 
 #include <fcntl.h>
@@ -18,8 +19,8 @@
 
 namespace marble::testing {
 
-/// Looks again and again until `condition` holds. False only if it never did: the limit guards against
-/// hanging for ever and is far beyond any time a test means.
+/// Polls until `condition` holds. Returns false only if it never did: the limit guards against hanging and is
+/// far beyond any expected time.
 template <class Condition>
 [[nodiscard]] bool eventually(Condition&& condition, std::chrono::seconds limit = std::chrono::seconds(120)) {
   const auto end = std::chrono::steady_clock::now() + limit;
@@ -30,7 +31,7 @@ template <class Condition>
   return true;
 }
 
-/// A new directory, removed with all that is in it.
+/// A new directory, removed with its contents.
 class TemporaryDirectory {
  public:
   TemporaryDirectory() {
@@ -60,19 +61,19 @@ class TemporaryDirectory {
 class ChildProcess {
  public:
   /// Starts `arguments[0]` with standard output and error appended to `output_file`. `environment` holds
-  /// "NAME=value" on top of this process's own. Call it on the main thread: the child is killed when the
+  /// "NAME=value" in addition to this process's own. Call it on the main thread: the child is killed when the
   /// calling thread ends.
   ChildProcess(std::vector<std::string> arguments, std::string output_file,
                std::vector<std::string> environment = {})
       : output_file_(std::move(output_file)) {
     for (char** own = environ; *own != nullptr; ++own)
-      environment.emplace_back(*own);  // the first of a name wins
+      environment.emplace_back(*own);  // the first entry of a name is used
     const std::vector<char*> argv = pointers(arguments);
     const std::vector<char*> envp = pointers(environment);
     const int output = open(output_file_.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
     if (output < 0) throw std::runtime_error("cannot write " + output_file_);
     pid_ = fork();
-    if (pid_ == 0) {  // only async-signal-safe calls from here to exec
+    if (pid_ == 0) {  // only async-signal-safe calls until exec
       prctl(PR_SET_PDEATHSIG, SIGKILL);
       dup2(output, STDOUT_FILENO);
       dup2(output, STDERR_FILENO);
@@ -91,7 +92,7 @@ class ChildProcess {
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
-  /// Whether it has become `program`, if it was started by a shell, and handles `signal` (proc(5), SigCgt).
+  /// Returns whether it runs `program`, if it was started by a shell, and handles `signal` (proc(5), SigCgt).
   [[nodiscard]] bool catches(int signal, const std::string& program) const {
     const std::string process = "/proc/" + std::to_string(pid_);
     std::error_code ignored;
@@ -111,12 +112,12 @@ class ChildProcess {
     if (!ended_ && waitpid(pid_, &status_, WNOHANG) == pid_) ended_ = true;
     return !ended_;
   }
-  /// Waits for the end; the exit code, or minus the signal that killed it.
+  /// Waits for the end; returns the exit code, or minus the signal that killed it.
   int wait() {
     if (!ended_ && waitpid(pid_, &status_, 0) == pid_) ended_ = true;
     return WIFEXITED(status_) ? WEXITSTATUS(status_) : -WTERMSIG(status_);
   }
-  /// What it wrote so far.
+  /// Returns its output so far.
   [[nodiscard]] std::string output() const { return read_file(output_file_); }
 
  private:

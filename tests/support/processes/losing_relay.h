@@ -1,4 +1,4 @@
-// Between clients and a server: keeps back what the server says to a request, as a network that fails does.
+// Relays between clients and a server, and holds back the server's responses as a failing network does.
 #pragma once
 
 #include <arpa/inet.h>
@@ -19,7 +19,7 @@ namespace marble::testing {
 
 class LosingRelay {
  public:
-  /// To a server on "127.0.0.1:4711".
+  /// Relays to a server on "127.0.0.1:4711".
   explicit LosingRelay(const std::string& server) : server_(name_of(server)) {
     sockaddr_in own = name_of("127.0.0.1:0");
     socklen_t size = sizeof own;
@@ -39,11 +39,11 @@ class LosingRelay {
   LosingRelay& operator=(const LosingRelay&) = delete;
 
   [[nodiscard]] const std::string& address() const { return address_; }
-  /// Ends the connections that lost an answer; those that come get theirs.
+  /// Ends the connections that lost a response; later ones get theirs.
   void cut() { loses_ = false; }
 
  private:
-  /// More than a connection's beginning has, less than the requests whose answers get lost.
+  /// More than the start of a connection, less than the requests whose responses are lost.
   static constexpr std::size_t kRequestBytes = 4000;
 
   struct Connection {
@@ -76,7 +76,7 @@ class LosingRelay {
     }
   }
 
-  /// What one end has sent, to the other. False once it has hung up.
+  /// Passes the data that one end has sent to the other. Returns false once it has closed.
   [[nodiscard]] bool pass(Connection& connection, bool from_client) {
     std::array<char, 1 << 16> bytes;
     const ssize_t count =
@@ -121,7 +121,7 @@ class LosingRelay {
   int listener_ = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   std::string address_;
   std::atomic<bool> loses_ = true;
-  std::list<Connection> connections_;  // of the thread's
+  std::list<Connection> connections_;  // used only by the thread
   std::jthread thread_;
 };
 

@@ -1,5 +1,5 @@
-// A real PostgreSQL of Debian's on a free loopback port, for one test: killed, stopped and started again on
-// the same files.
+// Runs a real PostgreSQL from Debian on a free loopback port, for one test: it can be killed, stopped and
+// restarted on the same files.
 #pragma once
 
 #include <arpa/inet.h>
@@ -15,8 +15,9 @@ namespace marble::testing {
 
 class PostgresProcess {
  public:
-  /// `programs`: the folder of initdb and postgres. A new database, where everybody on this machine may come.
-  /// `synced`: it waits for the disk; without, it survives what kills it, not what kills the machine.
+  /// `programs`: the folder of initdb and postgres. Creates a new database that accepts everyone on this
+  /// machine. `synced`: it waits for the disk; without, it survives a kill of the process, but not a crash of
+  /// the machine.
   explicit PostgresProcess(std::string programs, bool synced = false, const char* encoding = "UTF8")
       : programs_(std::move(programs)), fsync_(synced ? "fsync=on" : "fsync=off"), port_(free_port()) {
     if (const passwd* const user = getpwnam("nobody"); geteuid() == 0 && user != nullptr) {
@@ -40,7 +41,8 @@ class PostgresProcess {
     return "postgresql://marble@127.0.0.1:" + std::to_string(port_) + "/postgres";
   }
 
-  /// Ready when it returns. After a kill its own processes take a moment to end: it is tried until they have.
+  /// Returns when it is ready. After a kill its child processes take a moment to end: retries until they
+  /// have.
   void start() {
     const bool ready = eventually([&] {
       const std::string log = directory_.file("log." + std::to_string(++starts_));
@@ -60,10 +62,10 @@ class PostgresProcess {
   void kill() { end(SIGKILL); }
   /// As pg_ctl stop -m immediate.
   void stop() { end(SIGQUIT); }
-  /// Neither answers nor closes its connections: what a machine that hangs looks like.
+  /// Stops it without a response or a closed connection, as on a machine that hangs.
   void pause() { process_->send(SIGSTOP); }
 
-  /// One statement, by psql.
+  /// Runs one statement with psql.
   [[nodiscard]] std::string ask(const std::string& statement) const {
     const std::string file = directory_.file("psql.log");
     std::filesystem::remove(file);

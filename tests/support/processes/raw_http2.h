@@ -1,4 +1,4 @@
-// A connection that speaks HTTP/2 frame by frame, for what no client library would send.
+// Provides an HTTP/2 connection frame by frame, for data that no client library would send.
 #pragma once
 
 #include <arpa/inet.h>
@@ -31,7 +31,7 @@ class RawHttp2 {
   enum Flag : std::uint8_t { kNone = 0, kEndStream = 1, kAck = 1, kEndHeaders = 4 };
   using Fields = std::vector<std::pair<std::string, std::string>>;
 
-  /// A TCP connection to "127.0.0.1:4711" on which nothing is sent yet.
+  /// A TCP connection to "127.0.0.1:4711" on which nothing has been sent yet.
   explicit RawHttp2(const std::string& address) : socket_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
     const std::size_t colon = address.rfind(':');
     sockaddr_in name = {};
@@ -47,7 +47,7 @@ class RawHttp2 {
   RawHttp2(const RawHttp2&) = delete;
   RawHttp2& operator=(const RawHttp2&) = delete;
 
-  /// False once the other side has hung up.
+  /// Returns false once the other side has closed.
   bool send(const std::string& bytes) {
     sending_ = true;
     const bool sent = send_all(bytes);
@@ -55,7 +55,7 @@ class RawHttp2 {
     answer();
     return sent;
   }
-  /// `answers`: settings and pings are, from now on, between what is sent.
+  /// `answers`: respond to settings and pings from now on, between sends.
   bool begin(bool answers = true) {
     answers_ = answers;
     return send("PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + frame(kSettings, kNone, 0, ""));
@@ -67,8 +67,8 @@ class RawHttp2 {
     bytes += static_cast<char>(flags);
     return bytes + number(stream, 4) + payload;
   }
-  /// Fields as HPACK has them at its plainest: literal, without index and Huffman's code; none beyond 126
-  /// bytes.
+  /// Encodes fields in HPACK's plainest form: literal, without index and Huffman code; at most 126 bytes
+  /// each.
   static std::string fields(const Fields& all) {
     std::string bytes;
     for (const auto& [name, value] : all) {
@@ -83,7 +83,7 @@ class RawHttp2 {
     all.insert(all.end(), more.begin(), more.end());
     return fields(all);
   }
-  /// A message as gRPC frames it. `size` may promise more than there is.
+  /// Frames a message as gRPC does. `size` may be larger than the content.
   static std::string message(const std::string& bytes, std::uint32_t size) {
     return '\0' + number(size, 4) + bytes;
   }
@@ -91,7 +91,7 @@ class RawHttp2 {
     return message(bytes, static_cast<std::uint32_t>(bytes.size()));
   }
 
-  /// Opens a stream and calls; the message follows by hand.
+  /// Opens a stream and sends the call's headers; the caller sends the message.
   bool call(std::uint32_t stream, const std::string& path, const Fields& more = {}) {
     return send(frame(kHeaders, kEndHeaders, stream, call_fields(path, more)));
   }
@@ -103,7 +103,7 @@ class RawHttp2 {
       return closed_ || ended_.count(stream) != 0;
     });
   }
-  /// Waits until the server has answered on the stream, whatever, or ended the connection.
+  /// Waits until the server has responded on the stream in any way, or ended the connection.
   [[nodiscard]] bool eventually_answered(std::uint32_t stream) {
     return eventually([&] {
       take();
@@ -130,7 +130,7 @@ class RawHttp2 {
       if (count > 0) {
         sent += static_cast<std::size_t>(count);
       } else if (errno == EAGAIN) {
-        take();  // or each would wait for the other
+        take();  // or both sides would wait for each other
         if (closed_) return false;
         pollfd writable = {socket_, POLLOUT | POLLIN, 0};
         poll(&writable, 1, 1000);
@@ -152,7 +152,7 @@ class RawHttp2 {
     return result;
   }
 
-  // Whatever has come, without waiting.
+  // Reads the available data, without waiting.
   void take() {
     char bytes[1 << 16];
     while (!closed_) {
@@ -190,7 +190,7 @@ class RawHttp2 {
   std::set<std::uint32_t> ended_, answered_;
 };
 
-/// Of a process, in bytes: "VmRSS" now, "VmHWM" at most so far.
+/// Returns a process's memory in bytes: "VmRSS" current, "VmHWM" its maximum so far.
 [[nodiscard]] inline std::int64_t resident_bytes(pid_t pid, const std::string& which = "VmHWM") {
   std::istringstream lines(read_file("/proc/" + std::to_string(pid) + "/status"));
   for (std::string line; std::getline(lines, line);) {

@@ -1,4 +1,4 @@
-// A real marble-server on a free loopback port, for one test.
+// Runs a real marble-server on a free loopback port, for one test.
 #pragma once
 
 #include <algorithm>
@@ -11,8 +11,8 @@ namespace marble::testing {
 
 class ServerProcess {
  public:
-  /// Starts the server at `binary` and waits until it answers. `flags` come after --listen 127.0.0.1:0
-  /// and --http none, unless they have their own.
+  /// Starts the server at `binary` and waits until it responds. `flags` follow --listen 127.0.0.1:0 and
+  /// --http none, unless they set these themselves.
   explicit ServerProcess(const std::string& binary, const std::vector<std::string>& flags = {})
       : process_(arguments(binary, flags, directory_.file("address")), directory_.file("log")) {
     const std::string file = directory_.file("address");
@@ -30,11 +30,11 @@ class ServerProcess {
 
   [[nodiscard]] const std::string& address() const { return addresses_.at(0); }
   [[nodiscard]] const std::vector<std::string>& addresses() const { return addresses_; }
-  /// Of its HTTP port, "http://127.0.0.1:4711"; empty unless it was given one with --http.
+  /// The address of its HTTP port, "http://127.0.0.1:4711"; empty unless --http sets one.
   [[nodiscard]] const std::string& http() const { return http_; }
-  /// Everything it logged so far.
+  /// Returns the log so far.
   [[nodiscard]] std::string log() const { return process_.output(); }
-  /// The log's lines that hold all of the texts.
+  /// Returns the log's lines that contain all of the texts.
   [[nodiscard]] std::vector<std::string> log_lines(const std::vector<std::string>& texts) const {
     std::vector<std::string> result;
     std::istringstream lines(log());
@@ -49,7 +49,7 @@ class ServerProcess {
   void terminate() { process_.send(SIGTERM); }
   void send(int signal) { process_.send(signal); }
   [[nodiscard]] bool running() { return process_.running(); }
-  /// Waits for its end; the exit code, or minus the signal that killed it.
+  /// Waits for its end; returns the exit code, or minus the signal that killed it.
   int wait() { return process_.wait(); }
 
  private:

@@ -1,4 +1,4 @@
-// A TaskRunner of so many threads.
+// Provides a TaskRunner with a given number of threads.
 #pragma once
 
 #include <atomic>
@@ -11,7 +11,7 @@ namespace marble::testing {
 
 class Threads final : public TaskRunner {
  public:
-  /// The calling one among them.
+  /// Includes the calling thread.
   explicit Threads(int count) : count_(count) {}
 
   void run(std::span<const std::function<void()>> tasks) override {

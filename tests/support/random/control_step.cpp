@@ -48,7 +48,7 @@ ControlSteps::ControlSteps(std::uint64_t seed)
   plan_ = random(inputs_, stages_, 0.9 * kMostInput);
 }
 
-// The solution of the LCP of F by enumeration of its branches: there is one, and few pairs.
+// Solves the LCP of F by enumeration of its branches: it has exactly one solution, and few pairs.
 Vector ControlSteps::forces(const Vector& x, const Vector& u) const {
   const Vector q = E_ * x + H_ * u + c_;
   Vector best;
@@ -70,7 +70,7 @@ Vector ControlSteps::forces(const Vector& x, const Vector& u) const {
   return best.cwiseMax(0.0);
 }
 
-// A stage's variables: λ, u, and the state that they lead to.
+// A stage's variables: λ, u, and the resulting state.
 OwnedProblem ControlSteps::problem() const {
   const Index stage = pairs_ + inputs_ + states_;
   Model model("control step", stages_ * stage);

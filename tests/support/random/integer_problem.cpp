@@ -50,7 +50,7 @@ class Maker {
   }
 
  private:
-  // Inclusive; not by a distribution, which differs from library to library.
+  // Inclusive; uses no distribution, because these differ between libraries.
   int between(int least, int most) {
     return least + static_cast<int>(engine_() % static_cast<std::uint64_t>(most - least + 1));
   }
@@ -67,7 +67,7 @@ class Maker {
     return row;
   }
 
-  // Rows whose value at the point is what `value` says, but of the last family.
+  // Adds rows whose value at the point is `value`, except for the last family.
   template <class Value>
   void add_rows(int count, Value value, std::vector<Row>& rows, std::vector<double>& offset) {
     for (int i = 0; i < count; ++i) {

@@ -1,4 +1,4 @@
-// Random LCQPs of small integers by seed: their branches can be enumerated, and ties are exact.
+// Generates random LCQPs of small integers from seeds: their branches can be enumerated, and ties are exact.
 #pragma once
 
 #include <array>
@@ -13,10 +13,10 @@ enum class IntegerFamily {
   convex,      ///< Q positive semidefinite, mostly definite; feasible
   singular,    ///< Q of low rank; feasible
   linear,      ///< Q = 0; feasible, often unbounded
-  degenerate,  ///< most rows that could be away from zero are not; Q of low rank or 0; feasible
-  repeated,    ///< rows, equalities and pairs several times, or multiples of each other; feasible
-  equalities,  ///< more equalities than half of the variables; feasible
-  any,         ///< offsets without regard to each other: often infeasible
+  degenerate,  ///< most rows that could be inactive are active; Q of low rank or 0; feasible
+  repeated,    ///< equalities, inequalities and pairs repeated, or multiples of each other; feasible
+  equalities,  ///< more equalities than half the number of variables; feasible
+  any,         ///< independent offsets: often infeasible
 };
 inline constexpr std::array kIntegerFamilies{
     IntegerFamily::convex,   IntegerFamily::singular,   IntegerFamily::linear, IntegerFamily::degenerate,
@@ -24,8 +24,8 @@ inline constexpr std::array kIntegerFamilies{
 
 [[nodiscard]] std::string_view name(IntegerFamily family);
 
-/// Of 1 to `most_pairs` pairs and up to 8 variables; Q is convex. The same problem for the same seed on every
-/// machine.
+/// Returns a problem with 1 to `most_pairs` pairs and up to 8 variables; Q is convex. The same problem for
+/// the same seed on every machine.
 [[nodiscard]] OwnedProblem integer_problem(IntegerFamily family, std::uint64_t seed, Index most_pairs = 12);
 
 }  // namespace marble::testing

@@ -65,7 +65,7 @@ class Planter {
     row.a[between(0, variables_ - 1)] += 1.0;
     return row;
   }
-  // With this value at the point that is drawn first.
+  // Returns a row with this value at the point that was drawn first.
   Row row_with(double value) {
     Row row = random_row();
     row.constant = value - row.a.dot(point_);
@@ -89,7 +89,7 @@ class Planter {
     }
   }
 
-  // Rows, and one that is at least their weighted sum too small.
+  // Adds rows, and one that contradicts their weighted sum.
   OwnedProblem sum_up(std::vector<Row>& rows, int count, bool any_sign) {
     Row last{Eigen::VectorXd::Zero(variables_), -margin()};
     for (int i = 0; i < count; ++i) {
@@ -109,7 +109,7 @@ class Planter {
     inequalities_.push_back(last);
     return finish();
   }
-  // Σ c e is a whole number where each e is 0 or 1.
+  // Σ c e is an integer if each e is 0 or 1.
   OwnedProblem subset_sum(int count, double band) {
     Row sum{Eigen::VectorXd::Zero(variables_), 0.0};
     double reachable = 0.0;

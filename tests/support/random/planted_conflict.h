@@ -1,4 +1,4 @@
-// Random LCQPs that are feasible but for a planted conflict.
+// Generates random LCQPs that are feasible except for a planted conflict.
 #pragma once
 
 #include <cstdint>
@@ -7,21 +7,21 @@
 
 namespace marble::testing {
 
-/// What a conflict is planted of.
+/// The kind of a planted conflict.
 enum class Plant {
-  inequalities,  ///< that add up to less than nothing
+  inequalities,  ///< whose sum is contradictory
   equalities,    ///< and an inequality, likewise
-  sides,         ///< of pairs, and an inequality: whatever complements what
-  subset_sum,    ///< of pairs e ⊥ 1 − e, with an equality that no choice of sides meets
+  sides,         ///< of pairs, and an inequality: independent of complementarity
+  subset_sum,    ///< of pairs e ⊥ 1 − e, with an equality that no choice of sides satisfies
   subset_band,   ///< the same between two inequalities
-  budgets,       ///< of pairs with e + f ≥ 1, and caps on Σ e and Σ f that no choice of sides meets
+  budgets,       ///< of pairs with e + f ≥ 1, and caps on Σ e and Σ f that no choice of sides satisfies
 };
 inline constexpr Plant kPlants[] = {Plant::inequalities, Plant::equalities,  Plant::sides,
                                     Plant::subset_sum,   Plant::subset_band, Plant::budgets};
 
-/// The same problem for the same seed on every machine: 4 to 15 pairs of up to 25 variables with equalities
-/// and inequalities, feasible at a point that is drawn first; then the plant, of 1 to 4 of further pairs
-/// where it needs any, and all rows in another order.
+/// Returns the same problem for the same seed on every machine: 4 to 15 pairs of up to 25 variables with
+/// equalities and inequalities, feasible at a point that is drawn first; then the conflict, with 1 to 4
+/// further pairs if it needs any, and all rows shuffled.
 [[nodiscard]] OwnedProblem planted_conflict(Plant plant, std::uint64_t seed);
 
 }  // namespace marble::testing

@@ -166,8 +166,9 @@ struct ResultControls {
 
 /// How to receive events.
 struct WatchControls {
-  double progress_interval_s = 0.0;  ///< least time between two progress events of one job, seconds, >= 0
-  std::stop_token stop = {};         ///< ends the watch with `cancelled`
+  double progress_interval_s =
+      0.0;                    ///< least time between two events about one job's progress, seconds, >= 0
+  std::stop_token stop = {};  ///< ends the watch with `cancelled`
 };
 
 /// Is thread-safe, and may outlive its Client. No call throws. Errors: not_found if the job is unknown, no

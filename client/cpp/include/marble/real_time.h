@@ -51,8 +51,7 @@ enum class Outcome { answered, kept, shifted, elastic };
 
 /// All fields are optional.
 struct RealTimeSettings {
-  Curvature curvature =
-      Curvature::automatic;               ///< not bfgs, which would need more than one step per control step
+  Curvature curvature = Curvature::automatic;  ///< not bfgs, which needs several steps per control step
   double diagonal = 0.0;                  ///< over scale², added to B's diagonal, ≥ 0: keeps steps short
   double radius = 1e6;                    ///< of steps, in units of scale, > 0
   Fallback fallback = Fallback::shifted;  ///< what a control step without a solution returns

@@ -25,8 +25,7 @@ namespace marble::nonlinear {
 struct SampledProblem {
   /// The functions average over the samples 0 … N − 1 of the last call of use_samples.
   Problem problem;
-  std::function<void(std::int64_t N)>
-      use_samples;  ///< required; N ≥ 1, ascending. Called before any other function
+  std::function<void(std::int64_t N)> use_samples;  ///< required; N ≥ 1, ascending. Called before the others
   /// Returns the cost of sample number `sample` at x. Optional: with it every level is evaluated on samples
   /// that it has not used.
   std::function<double(std::span<const double> x, std::int64_t sample)> sample_cost = {};

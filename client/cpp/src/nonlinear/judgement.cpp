@@ -10,8 +10,7 @@ namespace {
 
 // Of the ratio actual/predicted decrease (murty-nlp-lectures, PSLP).
 constexpr double kGood = 0.75;
-constexpr double kLonger =
-    1.2;  // the ratio is 1.26 to 1.39 for Newton's steps from a pole of a power or a logarithm
+constexpr double kLonger = 1.2;  // Newton's steps from a pole of a power or a logarithm have 1.26 to 1.39
 constexpr double kLengthening = 2.0;  // factor of a step's length
 constexpr int kMostStalled = 3;       // consecutive zero steps
 constexpr int kMostRestarts = 10;     // of bfgs

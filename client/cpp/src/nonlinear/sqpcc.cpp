@@ -57,8 +57,7 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
     }
     if (*found && meets(tolerance)) {
       Answer answer = end(Status::solved, "the level's tolerance is met");
-      answer.b_stationary.reset(),
-          answer.stationarity = Stationarity::unknown;  // the values were those of d = 0
+      answer.b_stationary.reset(), answer.stationarity = Stationarity::unknown;  // they belong to d = 0
       return answer;
     }
     ratio_ = -1.0, actual_ = 0.0;

@@ -187,8 +187,8 @@ Expected<void> RealTime::State::linearise() {
   if (auto moved = B->move(*functions, point, at, step.multipliers, {}, {}); !moved) return moved;
   B->shift(settings.diagonal);
   for (std::size_t k = 0; k < unmeasured.size(); ++k)
-    unmeasured[k] = std::exchange(point.equalities[embedding.row(k, point)],
-                                  0.0);  // as if the measurement were as planned
+    unmeasured[k] =
+        std::exchange(point.equalities[embedding.row(k, point)], 0.0);  // as if measured as planned
   subproblem->set(point, at, B->upper(), box());
   return {};
 }
