@@ -65,6 +65,11 @@ class Subproblem {
   /// correction.
   void correct(const Point& trial, const Step& step);
 
+  /// Whether the step 0 meets all rows within the tolerances of the options.
+  [[nodiscard]] bool allows_no_step(const Options& options) const;
+  /// What the step 0 costs.
+  [[nodiscard]] double cost_of_no_step() const { return problem_.c0; }
+
   /// The step that an answer means.
   void read(const Solution& solution, const Point& point, const Linearisation& at, const Box& box,
             Step& step) const;
