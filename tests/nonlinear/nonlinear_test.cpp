@@ -143,6 +143,53 @@ TEST(Nonlinear, UpdatesStayInTheBlocksOfTheStages) {
   EXPECT_NEAR(by_blocks->objective, exact->objective, 1e-8);
 }
 
+// A session whose first answer is spoilt; it notes from where it was asked again.
+class Spoilt final : public nonlinear::Ticks {
+ public:
+  Spoilt(std::unique_ptr<nonlinear::Ticks> sound, void (*spoil)(Solution&), std::vector<bool>& from_no_step)
+      : sound_(std::move(sound)), spoil_(spoil), from_no_step_(from_no_step) {}
+
+  Expected<Solution> solve(const ProblemUpdate& update, const nonlinear::TickControls& controls) override {
+    const auto& z = controls.initial_z;
+    from_no_step_.push_back(controls.cold && !z.empty() &&
+                            std::ranges::all_of(z, [](double d) { return d == 0.0; }));
+    auto solution = sound_->solve(update, controls);
+    if (solution && from_no_step_.size() == 1) spoil_(*solution);
+    return solution;
+  }
+
+ private:
+  std::unique_ptr<nonlinear::Ticks> sound_;
+  void (*spoil_)(Solution&);
+  std::vector<bool>& from_no_step_;
+};
+
+TEST(Nonlinear, AStepThatLosesAFeasiblePointIsAskedForAgainFromThere) {
+  Formula corner{.name = "corner", .start = {0, 0.5}, .parts = [](const Jets& x) {
+                   Parts made;
+                   made.objective = square(x[0] - 2) + square(x[1] - 1) + 0.1 * exp(x[0]);
+                   made.G = {x[0]}, made.H = {x[1]};
+                   return made;
+                 }};
+  void (*const spoils[])(Solution&) = {[](Solution& s) { s.status = Status::locally_infeasible; },
+                                       [](Solution& s) { s.objective += 100.0; }, [](Solution&) {}};
+  for (const auto spoil : spoils) {
+    std::vector<bool> from_no_step;
+    const nonlinear::OpenTicks open = [&](const ProblemView& view, const Settings& settings) {
+      auto sound = nonlinear::open_ticks_in_process(view, settings);
+      return sound ? Expected<std::unique_ptr<nonlinear::Ticks>>(
+                         std::make_unique<Spoilt>(std::move(*sound), spoil, from_no_step))
+                   : std::move(sound);
+    };
+    const auto answer = nonlinear::solve(problem_of(corner), open);
+    ASSERT_TRUE(answer.has_value());
+    EXPECT_EQ(answer->status, Status::solved) << answer->detail;
+    ASSERT_GE(from_no_step.size(), 2U);
+    EXPECT_EQ(std::ranges::count(from_no_step, true), spoil == spoils[2] ? 0 : 1);
+    EXPECT_EQ(from_no_step[1], spoil != spoils[2]);
+  }
+}
+
 TEST(Nonlinear, LinearProgramsWithPairsEndAtAVertex) {
   const auto formulas = equilibrium_problems();
   for (const char* name : {"scholtes4", "ralph1", "bard91", "kth1"}) {

@@ -23,7 +23,9 @@ constexpr double kShiftFactor = 10.0;
 constexpr int kMostShifts = 12;
 constexpr double kOfLearnt = 0.1;  // of the KKT residual: small steps may be due to too large a B of bfgs
 // Conditions to solve an LCQP again in a fresh session.
-constexpr double kBadAnswer = 1e-7;   // KKT residual, of the largest slope
+constexpr double kBadAnswer = 1e-7;  // KKT residual, of the largest slope
+constexpr double kWorse =
+    1e-8;  // above the cost of the step 0, relative to it or to 1, if that step is feasible
 constexpr double kOtherSize = 100.0;  // factor of the slopes or of a column of B since the set-up
 constexpr double kNoSize = 1e-4;      // of B's largest column: a smaller one counts as this
 
@@ -89,7 +91,7 @@ Expected<void> Loop::begin() {
   Multipliers& m = step_.multipliers;
   m.equalities.assign(point_.equalities.size(), 0.0), m.inequalities.assign(point_.inequalities.size(), 0.0);
   m.G.assign(point_.G.size(), 0.0), m.H.assign(point_.H.size(), 0.0), m.bounds.assign(point_.x.size(), 0.0);
-  step_.d.assign(point_.x.size(), 0.0);
+  step_.d.assign(point_.x.size(), 0.0), no_step_ = step_.d;
   gradient_.resize(point_.x.size()), change_.resize(point_.x.size());
   weights_.emplace(rows_of(point_), kFirstWeight);
   radius_ = settings_.radius;
@@ -241,13 +243,15 @@ Expected<bool> Loop::ask(Kind kind, bool cold) {
   return true;
 }
 
-// Solves one LCQP, or two if the session must be opened again. Result in `tried_`; returns false if there is
-// no feasible solution.
+// Solves one LCQP, or two if the session must be opened again or has lost the step 0, which is feasible
+// whenever x is: a session continues from its last solution. Result in `tried_`; returns false if there is no
+// feasible solution.
 Expected<bool> Loop::ask_prepared(Kind kind, bool cold) {
   auto& subproblem = *subproblem_[static_cast<int>(kind)];
   auto& ticks = ticks_[static_cast<int>(kind)];
   auto& sizes = sizes_[static_cast<int>(kind)];  // at the set-up
   subproblem.sizes(new_sizes_);
+  bool from_no_step = false;
   while (true) {
     if (settings_.stop.stop_requested()) limit_ = Status::cancelled;
     const double left = seconds_left();
@@ -259,8 +263,11 @@ Expected<bool> Loop::ask_prepared(Kind kind, bool cold) {
       ticks = std::move(*opened);
       sizes = new_sizes_;
     }
-    auto solution =
-        ticks->solve(subproblem.update(), {.cold = cold, .deadline_s = left, .progress = settings_.progress});
+    const std::span<const double> start = from_no_step ? no_step_ : std::span<const double>();
+    auto solution = ticks->solve(subproblem.update(), {.cold = cold || from_no_step,
+                                                       .deadline_s = left,
+                                                       .progress = settings_.progress,
+                                                       .initial_z = start});
     ++row_.ticks;
     if (!solution) {
       const ErrorCode code = solution.error().code;
@@ -282,10 +289,21 @@ Expected<bool> Loop::ask_prepared(Kind kind, bool cold) {
       ticks.reset();
       continue;
     }
+    if (kind == Kind::plain && !limit_ && !from_no_step && loses_no_step(subproblem, *solution)) {
+      from_no_step = true;
+      continue;
+    }
     if (!is_solved(solution->status)) return false;
     subproblem.read(*solution, point_, at_, box(), tried_);
     return true;
   }
+}
+
+bool Loop::loses_no_step(const Subproblem& subproblem, const Solution& solution) const {
+  const double cost = subproblem.cost_of_no_step();
+  const bool loses =
+      !is_solved(solution.status) || !(solution.objective <= cost + kWorse * std::max(1.0, std::abs(cost)));
+  return loses && subproblem.allows_no_step(settings_.lcqp);
 }
 
 // A zero step that is not proven to solve the subproblem may be an artefact of the warm start: solves again

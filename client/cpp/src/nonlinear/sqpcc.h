@@ -77,6 +77,7 @@ class Loop {
   Expected<bool> convex_enough();
   Expected<bool> ask(Kind kind, bool cold = false);
   Expected<bool> ask_prepared(Kind kind, bool cold = false);
+  [[nodiscard]] bool loses_no_step(const Subproblem& subproblem, const Solution& solution) const;
   Expected<bool> certified();
   Expected<void> judge();
   Expected<void> correct();
@@ -140,6 +141,7 @@ class Loop {
   Iteration row_;
   Answer answer_;
   std::vector<double> gradient_, change_;
+  std::vector<double> no_step_;  // d = 0
 };
 
 }  // namespace marble::nonlinear

@@ -164,6 +164,16 @@ void Subproblem::correct(const Point& trial, const Step& step) {
   offset(p.l, trial.G, step.G), offset(p.r, trial.H, step.H);
 }
 
+bool Subproblem::allows_no_step(const Options& options) const {
+  const OwnedProblem& p = problem_;
+  const double pairs = options.complementarity_tolerance;
+  bool allows =
+      std::ranges::all_of(p.b, [&](double b) { return std::abs(b) <= options.equality_tolerance; }) &&
+      std::ranges::all_of(p.d, [&](double d) { return d >= -options.inequality_tolerance; });
+  for (std::size_t i = 0; i < p.l.size(); ++i) allows = allows && std::abs(std::min(p.l[i], p.r[i])) <= pairs;
+  return allows;
+}
+
 void Subproblem::read(const Solution& solution, const Point& point, const Linearisation& at, const Box& box,
                       Step& step) const {
   const auto n = static_cast<std::ptrdiff_t>(n_);

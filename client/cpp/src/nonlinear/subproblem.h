@@ -64,6 +64,11 @@ class Subproblem {
   /// Offsets the rows so that the step meets their true values at its end: the second-order correction.
   void correct(const Point& trial, const Step& step);
 
+  /// True if the step 0 meets all rows within the tolerances of the options.
+  [[nodiscard]] bool allows_no_step(const Options& options) const;
+  /// The cost of the step 0.
+  [[nodiscard]] double cost_of_no_step() const { return problem_.c0; }
+
   /// Converts a solution to a step.
   void read(const Solution& solution, const Point& point, const Linearisation& at, const Box& box,
             Step& step) const;
