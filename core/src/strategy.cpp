@@ -157,7 +157,7 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z, Stage f
     if (incumbent_.solve_branch(run, branch_.interior) || take_interior(run)) return std::nullopt;
   }
   if (quadratic && from <= Stage::quadratic && looks_for_contradiction_ &&
-      suggests_infeasible(problem_, branch_.interior.iterate())) {
+      ContradictionScreen(problem_).suggests_infeasible(problem_, branch_.interior.iterate())) {
     if (std::optional<Ending> proved = prove_early(run, branch_.interior.iterate())) return proved;
   }
   const bool quadratic_interrupted = quadratic && from <= Stage::quadratic && run.interrupted();

@@ -31,7 +31,7 @@ BREAKING = {
         "service", "InitialPoint initial_point = 3;", "Problem initial_point = 3;",
         "type was message .marble.v1.InitialPoint, is message .marble.v1.Problem"),
     "a field becomes repeated": (
-        "job", "string job_id = 1;\n  // How it came.", "repeated string job_id = 1;\n  // How it came.",
+        "job", "string job_id = 1;\n  // The call that", "repeated string job_id = 1;\n  // The call that",
         "marble.v1.JobInfo.job_id = 1: label was optional, is repeated"),
     "an optional field can no longer be absent": (
         "options", "optional bool polish = 17;", "bool polish = 17;", "presence was optional, is not there"),
@@ -82,7 +82,7 @@ BREAKING = {
         "service", "rpc Submit(SolveRequest)", "rpc Submit(SolveStreamRequest)",
         "marble.v1.Jobs.Submit: request was .marble.v1.SolveRequest, is .marble.v1.SolveStreamRequest"),
     "an rpc streams its answers": (
-        "service", "returns (SolveResponse);\n  // The same with", "returns (stream SolveResponse);\n  // The same with",
+        "service", "returns (SolveResponse);\n  // Solve with", "returns (stream SolveResponse);\n  // Solve with",
         "marble.v1.Solver.Solve: response was .marble.v1.SolveResponse, is stream .marble.v1.SolveResponse"),
     "an rpc does not stream its requests any more": (
         "service", "rpc Session(stream SessionRequest)", "rpc Session(SessionRequest)",

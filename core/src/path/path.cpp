@@ -6,7 +6,6 @@
 
 #include "data/retraction.h"
 #include "model/printed.h"
-#include "run/certificate.h"
 #include "tuning.h"
 
 namespace marble {
@@ -24,6 +23,7 @@ PathEngine::PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& op
       d_(problem),
       best_(problem),
       inner_solution_(problem),
+      screen_(problem),
       images_(problem),
       direction_images_(problem),
       reporter_(problem) {}
@@ -63,9 +63,9 @@ std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
 }
 
 // The violations are those before the last step: a step later is early enough.
-bool PathEngine::shows_contradiction() const {
+bool PathEngine::shows_contradiction() {
   return inner_steps_ >= tuning::suspicion_steps && !within_tolerances(violations_, options_) &&
-         suggests_infeasible(problem_, x_);
+         screen_.suggests_infeasible(problem_, x_);
 }
 
 void PathEngine::start(ConstVectorRef initial_z) {

@@ -4,6 +4,7 @@
 #include "path/line_search.h"
 #include "path/newton.h"
 #include "path/schedule.h"
+#include "run/certificate.h"
 #include "run/reporter.h"
 #include "run/run.h"
 #include "run/termination.h"
@@ -61,7 +62,7 @@ class PathEngine {
   void begin_subproblem(Run& run);
   [[nodiscard]] bool lost(bool last_resort);
   [[nodiscard]] bool retreat();
-  [[nodiscard]] bool shows_contradiction() const;
+  [[nodiscard]] bool shows_contradiction();
   [[nodiscard]] Ending give_best(Status reason);
   [[nodiscard]] Ending explain(bool stalled) const;
   [[nodiscard]] bool step(Run& run);
@@ -86,6 +87,7 @@ class PathEngine {
   bool leaning_ = false;  // the estimates stay 0
   bool lost_ = false;
   bool looks_for_contradiction_ = false, suspects_contradiction_ = false;
+  ContradictionScreen screen_;
   Images images_, direction_images_;
   Violations violations_, best_violations_;
   double best_objective_ = 0.0;

@@ -61,19 +61,6 @@ struct Multipliers {
 
 double size_of(const Iterate& x) { return std::max(max_abs(x.y()), max_abs(x.lambda())); }
 
-// What multipliers say, those of rows without their wrong signs: bᵀy − oᵀν and Aᵀy − Jᵀν.
-struct Combination {
-  Combination(const ScaledProblem& p, Multipliers& m) : left(Vector::Zero(p.variables())) {
-    m.rows = m.rows.cwiseMax(0.0);
-    gap = p.b.dot(m.y) - p.offset.dot(m.rows);
-    if (!(gap > 0.0)) return;
-    add_transposed(p.A, m.y, left);
-    add_transposed(p.rows, -m.rows, left);
-  }
-  double gap;
-  Vector left;
-};
-
 }  // namespace
 
 std::optional<FarkasProof> infeasibility_certificate(const ScaledProblem& p, const Iterate& x,
@@ -169,18 +156,26 @@ bool seems_infeasible(const ScaledProblem& p, const Iterate& x) {
   if (!(size > 0.0) || !std::isfinite(size)) return false;
   Multipliers m(x, size);
   if (smallest(m.rows.tail(2 * p.pairs())) < -tuning::near) return false;
-  const Combination combination(p, m);
-  return combination.gap > 0.0 && max_abs(combination.left) <= tuning::near * combination.gap;
+  m.rows = m.rows.cwiseMax(0.0);
+  const double gap = p.b.dot(m.y) - p.offset.dot(m.rows);
+  if (!(gap > 0.0)) return false;
+  Vector combination = Vector::Zero(p.variables());
+  add_transposed(p.A, m.y, combination);
+  add_transposed(p.rows, -m.rows, combination);
+  return max_abs(combination) <= tuning::near * gap;
 }
 
-bool suggests_infeasible(const ScaledProblem& p, const Iterate& x) {
+bool ContradictionScreen::suggests_infeasible(const ScaledProblem& p, const Iterate& x) {
   const double size = size_of(x);
   if (!(size > 0.0) || !std::isfinite(size)) return false;
-  Multipliers m(x, size);
-  const Combination combination(p, m);
-  const double point = std::max(1.0, max_abs(x.z()));
-  return combination.gap > 0.0 &&
-         tuning::suspicion_farther * point * combination.left.lpNorm<1>() <= combination.gap;
+  y_ = x.y() / size;
+  rows_ = (x.lambda() / size).cwiseMin(0.0);  // −ν, −ξ, −η, without wrong signs
+  const double gap = p.b.dot(y_) + p.offset.dot(rows_);
+  if (!(gap > 0.0)) return false;
+  left_.setZero();
+  add_transposed(p.A, y_, left_);
+  add_transposed(p.rows, rows_, left_);
+  return tuning::suspicion_farther * std::max(1.0, max_abs(x.z())) * left_.lpNorm<1>() <= gap;
 }
 
 bool seems_unbounded(const ScaledProblem& p, const Iterate& x) {

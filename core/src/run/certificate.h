@@ -34,9 +34,20 @@ struct FarkasProof {
 /// True if the iterate's multipliers, or its z, are close to a proof (to 10⁻⁶), so that it is worth looking
 /// for one.
 [[nodiscard]] bool seems_infeasible(const ScaledProblem& p, const Iterate& x);
-/// Whether the iterate's multipliers leave no feasible point nearer than some times as far out as its z
-/// (scaled): a proof is worth its factorizations before a path has come to its end.
-[[nodiscard]] bool suggests_infeasible(const ScaledProblem& p, const Iterate& x);
+/// The same in a path's loop: allocates only in its constructor.
+class ContradictionScreen {
+ public:
+  explicit ContradictionScreen(const ScaledProblem& p)
+      : y_(p.equalities()), rows_(p.layout.size()), left_(p.variables()) {}
+
+  /// True if the iterate's multipliers exclude feasible points up to some multiple of |z|∞ (scaled): a proof
+  /// is then worth its factorizations before the path ends.
+  [[nodiscard]] bool suggests_infeasible(const ScaledProblem& p, const Iterate& x);
+
+ private:
+  Vector y_, rows_, left_;
+};
+
 [[nodiscard]] bool seems_unbounded(const ScaledProblem& p, const Iterate& x);
 
 }  // namespace marble
