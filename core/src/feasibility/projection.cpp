@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "search/distance.h"
 #include "tuning.h"
@@ -142,6 +143,9 @@ bool Projection::prove(const Vector& ray) {
 // What is noise beside the other multipliers, by what is left of their sum, is left out. Then whether they
 // contradict the rows.
 bool Projection::accept(LeafMultipliers proof) {
+  for (Index row = 0; row < proof.rows.size(); ++row) {
+    if (proof.rows[row] < 0.0 && !is_fixed(row)) return false;  // of another node
+  }
   Vector rest = Vector::Zero(nearest_.variables());
   add_transposed(nearest_.A, proof.y, rest);
   add_transposed(nearest_.rows, -proof.rows, rest);
@@ -219,7 +223,9 @@ bool Projection::prove_from_nothing() {
       interior_->solve(*box_, std::numeric_limits<double>::infinity(), run_->interrupt());
   run_->factorizations += static_cast<std::int32_t>(interior_->factorizations() - before);
   if (end != NodeEngine::End::infeasible && end != NodeEngine::End::undecided) return false;
-  if (accept(interior_->contradiction())) return true;
+  // It has no ray if its multipliers never grew.
+  if (LeafMultipliers ray = interior_->contradiction(); ray.rows.size() > 0 && accept(std::move(ray)))
+    return true;
   Vector active = interior_->multipliers();
   for (Index row = 0; row < nearest_.layout.size(); ++row) {
     if (!is_fixed(row) && active[row] < interior_->slacks()[row]) active[row] = 0.0;
