@@ -2,22 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 
 #include "run/run.h"
 #include "tuning.h"
 
 namespace marble {
-namespace {
-
-std::vector<Index> united(const std::vector<Index>& a, const std::vector<Index>& b) {
-  std::vector<Index> both;
-  std::ranges::set_union(a, b, std::back_inserter(both));
-  return both;
-}
-
-}  // namespace
-
 Refutation::Refutation(const Problem& problem, const Options& options, const SolveControls& controls,
                        const SetupControls& setup)
     : rows_(problem, options, controls, setup),
@@ -63,11 +52,9 @@ std::vector<HeldRow> Refutation::rows_here() const {
 
 const Refutation::Nogood* Refutation::known() const {
   const auto holds = [this](const Nogood& nogood) {
-    return std::ranges::all_of(
-               nogood.sides,
-               [this](Index side) { return zero_[static_cast<std::size_t>(side / 2)] == side % 2 + 1; }) &&
-           std::ranges::all_of(nogood.parts,
-                               [this](Index part) { return parts_[static_cast<std::size_t>(part)] != 0; });
+    return are_zero(nogood.sides, zero_) && std::ranges::all_of(nogood.parts, [this](Index part) {
+             return parts_[static_cast<std::size_t>(part)] != 0;
+           });
   };
   const auto found = std::ranges::find_if(nogoods_, holds);
   return found == nogoods_.end() ? nullptr : &*found;
@@ -75,15 +62,9 @@ const Refutation::Nogood* Refutation::known() const {
 
 void Refutation::learn(const Nogood& nogood) {
   for (const Index side : nogood.sides) weight_[static_cast<std::size_t>(side / 2)] += 1.0;
-  if (nogoods_.size() < tuning::conflict_nogoods && may_keep(nogood.parts.size() + nogood.sides.size()))
+  if (nogoods_.size() < tuning::conflict_nogoods &&
+      memory_.may_keep(nogood.parts.size() + nogood.sides.size()))
     nogoods_.push_back(nogood);
-}
-
-// Limits the memory of nogoods and points to that of the tableau.
-bool Refutation::may_keep(std::size_t numbers) {
-  if (kept_numbers_ + static_cast<double>(numbers) > tuning::conflict_entries) return false;
-  kept_numbers_ += static_cast<double>(numbers);
-  return true;
 }
 
 // Returns the parts and sides of the current contradiction, reduced to a vertex of its multipliers. A side
@@ -160,7 +141,7 @@ std::optional<Refutation::Nogood> Refutation::refute() {
   if (pair >= 0) return fork(pair);
   found_ = is_met(parts_, rows_.z());
   if (found_ && points_.size() < tuning::conflict_nogoods &&
-      may_keep(static_cast<std::size_t>(rows_.z().size())))
+      memory_.may_keep(static_cast<std::size_t>(rows_.z().size())))
     points_.push_back(rows_.z());
   return std::nullopt;
 }

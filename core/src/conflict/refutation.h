@@ -15,6 +15,7 @@
 
 #include "conflict/linear_rows.h"
 #include "data/interrupt.h"
+#include "feasibility/nogoods.h"
 
 namespace marble {
 
@@ -72,7 +73,6 @@ class Refutation {
   [[nodiscard]] double apart(Index pair, ConstVectorRef z) const;
   [[nodiscard]] Index pair_to_fork(ConstVectorRef z) const;
   void learn(const Nogood& nogood);
-  [[nodiscard]] bool may_keep(std::size_t numbers);
 
   LinearRows rows_;
   PartNumbers numbers_;
@@ -82,7 +82,7 @@ class Refutation {
   std::vector<double> weight_;      // for each pair: 1 + the number of nogoods that contain it
   std::vector<Nogood> nogoods_;
   std::vector<Vector> points_;  // from earlier runs
-  double kept_numbers_ = 0.0;   // numbers in nogoods and points together
+  NogoodMemory memory_;         // of nogoods and points together
   bool found_ = false;
   std::int64_t nodes_ = 0;
   int depth_ = 0;

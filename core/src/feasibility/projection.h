@@ -20,7 +20,7 @@ class Projection {
   enum class End {
     point,          ///< z()
     contradiction,  ///< proved by contradiction()
-    undecided,      ///< neither: a row was left out that could not be met
+    undecided,      ///< neither was found
     interrupted,
   };
   using State = DualActiveSet::State;

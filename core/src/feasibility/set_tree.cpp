@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 
 #include "tuning.h"
 
@@ -10,12 +9,6 @@ namespace marble {
 namespace {
 
 constexpr Index opposite(Index side) { return side ^ 1; }
-
-std::vector<Index> united(const std::vector<Index>& a, const std::vector<Index>& b) {
-  std::vector<Index> both;
-  std::ranges::set_union(a, b, std::back_inserter(both));
-  return both;
-}
 
 bool contains(const std::vector<Index>& sides, Index side) { return std::ranges::binary_search(sides, side); }
 
@@ -42,22 +35,15 @@ void SetTree::fix(Index side) { projection_->fix(row_of(side)); }
 bool SetTree::is_over() { return nodes_ >= most_nodes_ || run_->interrupted().has_value(); }
 
 const SetTree::Nogood* SetTree::known() const {
-  const auto holds = [this](const Nogood& nogood) {
-    return std::ranges::all_of(nogood.sides, [this](Index side) {
-      return zero_[static_cast<std::size_t>(side / 2)] == side % 2 + 1;
-    });
-  };
-  const auto found = std::ranges::find_if(nogoods_, holds);
+  const auto found =
+      std::ranges::find_if(nogoods_, [this](const Nogood& nogood) { return are_zero(nogood.sides, zero_); });
   return found == nogoods_.end() ? nullptr : &*found;
 }
 
 void SetTree::learn(const Nogood& nogood) {
   for (const Index side : nogood.sides) weight_[static_cast<std::size_t>(side / 2)] += 1.0;
-  const auto numbers = static_cast<double>(nogood.sides.size());
-  if (nogoods_.size() >= tuning::conflict_nogoods || kept_numbers_ + numbers > tuning::conflict_entries)
-    return;
-  kept_numbers_ += numbers;
-  nogoods_.push_back(nogood);
+  if (nogoods_.size() < tuning::conflict_nogoods && memory_.may_keep(nogood.sides.size()))
+    nogoods_.push_back(nogood);
 }
 
 // What the projection's last contradiction needs.
@@ -271,7 +257,8 @@ SetTree::End SetTree::run(Run& run, ConstVectorRef z, std::int64_t most_nodes, c
   weight_.assign(static_cast<std::size_t>(problem_.pairs()), 1.0);
   clauses_.clear();
   nogoods_.clear();
-  kept_numbers_ = state_bytes_ = 0.0;
+  memory_ = {};
+  state_bytes_ = 0.0;
   reason_bytes_ = 0;
   projection_.emplace(problem_);
   if (!projection_->start(run, z)) return End::stopped;

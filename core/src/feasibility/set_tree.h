@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "data/working_set.h"
+#include "feasibility/nogoods.h"
 #include "feasibility/projection.h"
 
 namespace marble {
@@ -87,8 +88,8 @@ class SetTree {
   std::vector<double> weight_;      // of each pair: 1 + in how many nogoods it was
   std::vector<Clause> clauses_;
   std::vector<Nogood> nogoods_;
-  double kept_numbers_ = 0.0;  // of nogoods
-  double state_bytes_ = 0.0;   // of the forks above this node
+  NogoodMemory memory_;
+  double state_bytes_ = 0.0;  // of the forks above this node
   std::int64_t reason_bytes_ = 0;
   bool found_ = false;
   std::int64_t nodes_ = 0, most_nodes_ = 0;
