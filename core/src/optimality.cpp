@@ -6,6 +6,7 @@
 
 #include "proof/descent.h"
 #include "proof/stationarity.h"
+#include "tree/tangent_cone.h"
 #include "tuning.h"
 
 namespace marble {
@@ -104,6 +105,20 @@ bool Optimality::solves_its_branches(Run& run, std::span<const Index> biactive) 
     decided = decided && outcome != Incumbent::Outcome::not_exact && (here || convexity_.decide(run));
   }
   return decided;
+}
+
+std::optional<bool> Optimality::search_tangent_cone(Run& run) {
+  images_.evaluate(problem_, incumbent_.best().x);
+  const std::vector<Index> biactive = biactive_pairs(images_);
+  if (!TangentCone::applies(images_, biactive)) return std::nullopt;
+  TangentCone cone(problem_, images_, biactive);
+  const TangentCone::End end = cone.search(run, options_.local_search_budget);
+  if (end == TangentCone::End::no_descent) return true;
+  if (end == TangentCone::End::undecided) return std::nullopt;
+  point_.restore(incumbent_.best().x, cone.branch(incumbent_.best().set));
+  if (incumbent_.solve_branch(run, "tangent cone", tuning::engine_budget) != Incumbent::Outcome::kept)
+    return std::nullopt;
+  return false;
 }
 
 // Takes a factorization only if rows of the exact solution's working set have no multiplier and Q is not

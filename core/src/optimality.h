@@ -26,6 +26,9 @@ class Optimality {
   };
   /// Judges the incumbent, and may replace it.
   [[nodiscard]] Verdict judge(Run& run);
+  /// Searches the tangent cone of an incumbent whose B-stationarity judge() has not decided. Returns true if
+  /// it is B-stationary, false if a better solution has replaced it, and nothing if that is not decided.
+  [[nodiscard]] std::optional<bool> search_tangent_cone(Run& run);
 
   struct Descended {
     bool from_saddle = false;  ///< Q has negative curvature at the first point

@@ -307,6 +307,24 @@ Strategy::Answer Strategy::finish_exact(Run& run) {
   return {{Status::solved, std::move(detail), {}}, &best.x, verdict.b_stationary, verdict.second_order};
 }
 
+// The same for a cold solve, which also has the time to decide B-stationarity where many pairs are biactive.
+Strategy::Answer Strategy::finish_exact_cold(Run& run) {
+  Answer answer = finish_exact(run);
+  for (int better = 0; better < tuning::escapes; ++better) {
+    if (answer.b_stationary || answer.ending.status != Status::solved || run.interrupted() ||
+        options_.local_search_budget == 0)
+      break;
+    const std::optional<bool> decided = optimality_.search_tangent_cone(run);
+    if (!decided) break;
+    if (*decided) {
+      answer.b_stationary = true;
+    } else {
+      answer = finish_exact(run);
+    }
+  }
+  return answer;
+}
+
 bool Strategy::is_small(const Run& run) const {
   const double size = problem_.variables() + problem_.equalities() + problem_.layout.size();
   return (problem_.pairs() > 0 || run.nonconvex) && problem_.pairs() <= tuning::small_pairs &&
@@ -320,7 +338,7 @@ bool Strategy::is_small(const Run& run) const {
 Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
   const Run::Searching searching(run);
   bring_near(run);
-  Answer answer = finish_exact(run);
+  Answer answer = finish_exact_cold(run);
   const bool small = small_too && is_small(run);
   if (!incumbent_.exists() || run.interrupted() || (!small && options_.starts == 1)) return answer;
   const double before = incumbent_.best().objective;
@@ -353,7 +371,7 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
     start_small();
   if (!small && !convex) start_elsewhere(options_.starts - 1, std::numeric_limits<int>::max());
   if (ray) return {unbounded_along(*std::move(ray)), &path_point_.x};
-  if (incumbent_.best().objective < before) answer = finish_exact(run);
+  if (incumbent_.best().objective < before) answer = finish_exact_cold(run);
   if (small) answer.ending.detail += "; small_budget: " + (convex ? tree.remark : "starts elsewhere");
   if (tree.proved) {
     answer.b_stationary = true;

@@ -125,6 +125,7 @@ class Strategy {
   [[nodiscard]] PathBranch solve_path_branch(Run& run, bool exchanges_pairs);
   [[nodiscard]] bool path_is_lower(bool feasible, double objective) const;
   [[nodiscard]] Answer finish_exact(Run& run);
+  [[nodiscard]] Answer finish_exact_cold(Run& run);
   void bring_near(Run& run);
   void show_incumbent(const Run& run) const;
   [[nodiscard]] bool is_small(const Run& run) const;
