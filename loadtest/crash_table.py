@@ -85,7 +85,7 @@ class Rounds:
 
     def once(self, client, number):
         lcqp, optimum = problem(number)
-        job = self.again(lambda: client.jobs.submit(lcqp, options={"global": True}, request_id=f"r{number}", deadline=20).job_id)
+        job = self.again(lambda: client.jobs.submit(lcqp, options={"global_search": True}, request_id=f"r{number}", deadline=20).job_id)
         self.ids[number] = job
         answer = self.again(lambda: client.jobs.result(job, wait=True, deadline=20))
         self.answers[number] = answer.z
@@ -122,7 +122,7 @@ class Rounds:
         return died
 
     def judge(self):
-        """Lost, answered twice, not the answer that was told before."""
+        """Lost, answered twice, not the answer that was reported before."""
         lost = changed = 0
         for number, job in self.ids.items():
             try:

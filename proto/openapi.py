@@ -275,7 +275,7 @@ def paths(schemas):
                     "schema": {"oneOf": [ref("JobRequest"), ref("Problem")]},
                     "examples": {"problem": {"summary": "A problem alone", "value": example},
                                  "request": {"summary": "A problem with options", "value": {
-                                     "problem": example, "options": {"starts": 4}, "request_id": "first"}}}}}}),
+                                     "problem": example, "options": {"num_starts": 4}, "request_id": "first"}}}}}}),
         },
         "/api/jobs/{job_id}": {
             "get": operation("getJob", ("Returns a job", "Its state, its options and its convergence."),

@@ -53,8 +53,8 @@ QueueLimits queue_limits(const Config& config) {
   return {.workers = config.workers > 0 ? config.workers : usable_cores(),
           .jobs = config.queue_jobs,
           .bytes = config.queue_bytes,
-          .passed_over = config.passed_over,
-          .passed_over_time = duration_of(config.passed_over_s)};
+          .starvation_limit = config.starvation_limit,
+          .starvation_time = duration_of(config.starvation_limit_s)};
 }
 
 ResultLimits result_limits(const Config& config) {
@@ -75,7 +75,7 @@ class ResultExpiry final : public Pulsed {
 class SuppressedLines final : public Pulsed {
  public:
   explicit SuppressedLines(Log& log) : log_(log) {}
-  void pulse(Clock::time_point now) override { log_.tell_suppressed(now); }
+  void pulse(Clock::time_point now) override { log_.report_suppressed(now); }
 
  private:
   Log& log_;
@@ -84,12 +84,12 @@ class SuppressedLines final : public Pulsed {
 void warn_if_open(const Log& log, const Config& config) {
   if (knows_callers(config)) return;
   for (const std::string& address : addresses_beyond_loopback(config)) {
-    log.warn(Component::access, "anyone",
+    log.warn(Component::access, "allow_anonymous",
              {{"address", address}, {"reason", "other machines reach it, and every caller has every role"}});
   }
 }
 
-int tell(const std::vector<ConfigFault>& faults) {
+int report(const std::vector<ConfigFault>& faults) {
   for (const ConfigFault& fault : faults)
     std::cerr << "marble-server: " << marble::without_controls(fault.message()) << '\n';
   return kBadConfiguration;
@@ -97,7 +97,7 @@ int tell(const std::vector<ConfigFault>& faults) {
 
 int print_new_token(const std::string& name_and_roles) {
   const auto token = new_token(name_and_roles);
-  if (!token) return tell({{"flag --new-token", token.error()}});
+  if (!token) return report({{"flag --new-token", token.error()}});
   std::cout << token->secret << '\n' << token->line << '\n';
   return 0;
 }
@@ -109,9 +109,9 @@ marble::Expected<std::unique_ptr<Submissions>> begin_submissions(const ServicePa
 
 int check_state(const Config& config) {
   if (config.state_dir.empty() && config.state.empty())
-    return tell({{"flag --check-state", marble::invalid("state_dir", "must be set, or state")}});
+    return report({{"flag --check-state", marble::invalid("state_dir", "must be set, or state")}});
   const auto checked = config.state.empty() ? JobStore::check(config.state_dir) : check_fleet(config.state);
-  if (!checked) return tell({{"state", checked.error()}});
+  if (!checked) return report({{"state", checked.error()}});
   std::cout << marble::without_controls(*checked) << '\n';
   return 0;
 }
@@ -154,7 +154,7 @@ int main(int argc, char** argv) {
   // Debian builds Abseil without NDEBUG, where each lock of gRPC is checked against a graph of all others.
   absl::SetMutexDeadlockDetectionMode(absl::OnDeadlockCycle::kIgnore);
   const auto config = load_config(*command_line);
-  if (!config) return tell(config.error());
+  if (!config) return report(config.error());
   if (command_line->check_state) return check_state(*config);
   if (command_line->print_config || command_line->check_config) {
     std::cout << (command_line->print_config ? to_toml(*config) : "ok\n");
@@ -276,7 +276,7 @@ int main(int argc, char** argv) {
   parts.submissions->close();
   hang_up(*listening, connections, calls);
   http.reset();
-  log.tell_all_suppressed();
+  log.report_all_suppressed();
   const Counters counters = scheduler.counters();
   log.info(Component::server, "stopped",
            {{"answered", counters.answered},

@@ -64,7 +64,7 @@ Expected<void> check_writable_format(const std::string& path) {
   if (is_folder(path) || extension_of(path) == ".npz" || format_of_path(path)) return {};
   return unexpected(
       failure(ErrorCode::invalid_argument,
-              "must end in .json, .pb, .bin, .npz or /: the extension tells the format, / a folder of "
+              "must end in .json, .pb, .bin, .npz or /: the extension names the format, / a folder of "
               "Matrix Market files"));
 }
 

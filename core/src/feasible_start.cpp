@@ -101,7 +101,8 @@ Strategy::Answer Strategy::not_above_warm_start(Run& run, Answer answer, ConstVe
 // segments one after the other and takes their branch. If that cannot be solved exactly, their point is a
 // feasible start.
 bool Strategy::start_in_segments(Run& run, PathBranch branch) {
-  if (!may_have_segments(problem_) || options_.path != Path::fast || options_.local_search_budget == 0)
+  if (!may_have_segments(problem_) || options_.path != Path::fast ||
+      options_.max_local_search_factorizations == 0)
     return false;
   if (branch == PathBranch::exact &&
       LocalSearch::pulling(incumbent_.best().x, incumbent_.best().set) < tuning::many_pulling)

@@ -30,7 +30,7 @@ Strategy::Answer Strategy::solve_densely(Run& run, Answer answer) {
   const Status status = answer.ending.status;
   const bool by_path = answer.x == &path_point_.x;
   const bool failed = status == Status::locally_infeasible || status == Status::numerical_failure ||
-                      status == Status::solved_reduced;
+                      status == Status::almost_solved;
   const bool is_unproved =
       problem_.pairs() > 0 && is_small(run) && !answer.tree.proved && !answer.stayed_warm;
   const bool is_loose = status == Status::solved && (by_path || is_unproved || incumbent_is_loose());

@@ -71,8 +71,8 @@ Strategy::Answer Strategy::finish_path(Run& run, ConstVectorRef initial_z, Endin
 
 // The last attempt to find a feasible branch. Returns nothing if only the counters changed.
 std::optional<Strategy::Answer> Strategy::find_feasible(Run& run, ConstVectorRef z) {
-  if (!options_.polish || options_.path != Path::fast || options_.feasibility_budget == 0 || start_ ||
-      within_tolerances(path_point_.violations, options_) || problem_.pairs() == 0)
+  if (!options_.polish || options_.path != Path::fast || options_.max_feasibility_factorizations == 0 ||
+      start_ || within_tolerances(path_point_.violations, options_) || problem_.pairs() == 0)
     return std::nullopt;
   Feasibility phase(problem_, options_, branch_.point, incumbent_);
   const Feasibility::End end = phase.run(run, z);
@@ -114,7 +114,8 @@ std::optional<Strategy::Answer> Strategy::find_feasible(Run& run, ConstVectorRef
 // If a path ended without an exact solution of its branch, Q may have negative curvature there. If the path
 // ended infeasible for that reason, the descent begins at the nearest feasible point.
 Optimality::Descended Strategy::descend_from_path(Run& run) {
-  if (!options_.polish || options_.local_search_budget == 0 || optimality_.known_convex()) return {};
+  if (!options_.polish || options_.max_local_search_factorizations == 0 || optimality_.known_convex())
+    return {};
   const Run::Polishing polishing(run);
   if (within_tolerances(path_point_.violations, options_)) {
     branch_.point.start_from_path(path_point_.x);

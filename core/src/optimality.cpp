@@ -35,7 +35,7 @@ Optimality::Verdict Optimality::judge(Run& run) {
     const CriticalCurvature curvature = decide_second_order(run);
     verdict.second_order = curvature.kind;
     if (curvature.kind != SecondOrder::saddle || escapes == tuning::escapes || run.interrupted() ||
-        options_.local_search_budget == 0)
+        options_.max_local_search_factorizations == 0)
       return verdict;
     const double before = incumbent_.best().objective;
     verdict.unbounded = descend(run, incumbent_.best().x, curvature.set, curvature.direction).unbounded;
@@ -46,7 +46,7 @@ Optimality::Verdict Optimality::judge(Run& run) {
 Optimality::Descended Optimality::descend(Run& run, const Iterate& x, const WorkingSet& set,
                                           ConstVectorRef first) {
   Descent descent(problem_, kkt_, point_);
-  const Descent::End end = descent.run(run, x, set, first, options_.local_search_budget);
+  const Descent::End end = descent.run(run, x, set, first, options_.max_local_search_factorizations);
   run.nonconvex = run.nonconvex || descent.began_at_saddle();
   Descended descended{descent.began_at_saddle(), {}};
   if (end == Descent::End::unbounded)
@@ -65,7 +65,7 @@ std::optional<bool> Optimality::decide_b_stationarity(Run& run) {
   };
   if (is_strong()) return true;
   const std::vector<Index> biactive = biactive_pairs(images_);
-  if (biactive.size() > tuning::biactive_pairs_tried || options_.local_search_budget == 0)
+  if (biactive.size() > tuning::biactive_pairs_tried || options_.max_local_search_factorizations == 0)
     return std::nullopt;
   bool all = false;
   for (int better = 0; better < tuning::escapes && !all; ++better) {
@@ -112,7 +112,7 @@ std::optional<bool> Optimality::search_tangent_cone(Run& run) {
   const std::vector<Index> biactive = biactive_pairs(images_);
   if (!TangentCone::applies(images_, biactive)) return std::nullopt;
   TangentCone cone(problem_, images_, biactive);
-  const TangentCone::End end = cone.search(run, options_.local_search_budget);
+  const TangentCone::End end = cone.search(run, options_.max_local_search_factorizations);
   if (end == TangentCone::End::no_descent) return true;
   if (end == TangentCone::End::undecided) return std::nullopt;
   point_.restore(incumbent_.best().x, cone.branch(incumbent_.best().set));

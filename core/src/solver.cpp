@@ -101,7 +101,7 @@ double user_stationarity(const ScaledProblem& problem, const Images& images) {
 void take_point(const ScaledProblem& problem, const Iterate& x, Images& images, Solution& solution) {
   images.evaluate(problem, x);
   const double cost = 1.0 / problem.cost_scale;
-  tell(problem, x, solution);
+  report(problem, x, solution);
   solution.objective = cost * images.objective + problem.c0;
   solution.violations = violations(problem, images);
   const auto slacks = problem.layout.inequality_part(images.rows.all);
@@ -123,7 +123,7 @@ void take_zero(const ScaledProblem& problem, Images& images, Solution& solution)
 }
 
 // Makes the solution, in which every number is finite. It is not solved if the run reports a point as solved
-// that is not, and solved_reduced if the point is solved only in the scaled problem.
+// that is not, and almost_solved if the point is solved only in the scaled problem.
 Solution answer(const ScaledProblem& problem, const Options& options, const Ending& ending, const Iterate& x,
                 const Run& run) {
   Images images(problem);
@@ -139,7 +139,7 @@ Solution answer(const ScaledProblem& problem, const Options& options, const Endi
     solution.detail +=
         "; no solution: stationarity is violated by " + scientific(user_stationarity(problem, images), 2);
   } else if (ending.status == Status::solved && !is_balanced_in_user_units(problem, images, x)) {
-    solution.status = Status::solved_reduced;
+    solution.status = Status::almost_solved;
     solution.detail += "; its numbers lie too far apart: stationarity is violated by " +
                        scientific(user_stationarity(problem, images), 2);
   }
@@ -154,7 +154,7 @@ Solution answer(const ScaledProblem& problem, const Options& options, const Endi
 // With other equations, an interrupted solve cannot be resumed.
 bool change_method(const Options& before, const Options& now) {
   return before.method != now.method || before.path != now.path || before.polish != now.polish ||
-         before.global != now.global;
+         before.global_search != now.global_search;
 }
 
 // Sets what is known about the global optimum, from a certificate or a tree.
@@ -165,7 +165,7 @@ void take_proof(const Strategy::Answer& found, Solution& solution) {
   solution.gap = found.tree.gap;
   solution.nodes = found.tree.nodes;
   solution.open_nodes = found.tree.open_nodes;
-  solution.warm_nodes = found.tree.warm_nodes;
+  solution.reused_nodes = found.tree.reused_nodes;
 }
 
 // Uses the solve's last factor if it belongs to the branch. Further starts may leave a different one behind,
@@ -211,7 +211,7 @@ void Solver::State::add_sensitivity(const Strategy::Answer& found, const Sensiti
   BranchPoint& point = strategy.point();
   const std::int32_t before = point.back_substitutions();
   BranchDerivatives derivatives(problem, sizes, point);
-  solution.sensitivity = sensitivity_of(found, request, derivatives, options.starts == 1, run);
+  solution.sensitivity = sensitivity_of(found, request, derivatives, options.num_starts == 1, run);
   if (*solution.sensitivity) {
     (*solution.sensitivity)->factorizations = run.factorizations - solution.factorizations;
     (*solution.sensitivity)->back_substitutions = point.back_substitutions() - before;
@@ -231,8 +231,8 @@ Expected<void> check_warm_start(const Solution& start, const PartSizes& sizes) {
                    "warm_start.complementarity_multipliers_R"}}) {
     if (auto valid = check_numbers(*values, size, field); !valid) return valid;
   }
-  if (std::isnan(start.cold_objective))
-    return unexpected(invalid("warm_start.cold_objective", "nan", "must be a number"));
+  if (std::isnan(start.reference_objective))
+    return unexpected(invalid("warm_start.reference_objective", "nan", "must be a number"));
   return {};
 }
 
@@ -274,7 +274,7 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& user_opti
   state->setup_s = std::chrono::duration<double>(interrupt.now() - begin).count();
   const double tree_bytes = std::min(limit - own_bytes - factor_bytes, tuning::tree_most_bytes);
   const double kept_bytes =
-      options.global ? std::min(tuning::tree_kept * tree_bytes, tuning::tree_kept_bytes) : 0.0;
+      options.global_search ? std::min(tuning::tree_kept * tree_bytes, tuning::tree_kept_bytes) : 0.0;
   state->memory_bytes = static_cast<std::int64_t>(own_bytes + factor_bytes + kept_bytes);
   state->bytes_left = limit - own_bytes - factor_bytes - kept_bytes;
   state->strategy.allow_tree(tree_bytes, kept_bytes);
@@ -344,7 +344,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bo
   std::optional<Strategy::WarmStart> warm_start;
   if (controls.warm_start != nullptr) {
     marble::take(state_->problem, *controls.warm_start, state_->warm_start);
-    warm_start = Strategy::WarmStart{&state_->warm_start, controls.warm_start->cold_objective};
+    warm_start = Strategy::WarmStart{&state_->warm_start, controls.warm_start->reference_objective};
   }
   const bool too_far = !bears(state_->initial_z) || (warm_start && !bears(state_->warm_start.all));
   if (too_far) {
@@ -356,7 +356,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bo
                            {.resumes = resumes && !too_far, .keeps_start = keeps_start && !too_far});
   Solution solution = answer(state_->problem, state_->options, found.ending, *found.x, run);
   const auto is_refused = [&] {
-    return solution.status != found.ending.status && solution.status != Status::solved_reduced;
+    return solution.status != found.ending.status && solution.status != Status::almost_solved;
   };
   const bool started = warm_start || max_abs(state_->initial_z) > 0.0;
   const bool again = is_refused() && started && !run.interrupted();
@@ -384,7 +384,8 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bo
   if (controls.sensitivity != nullptr) state_->add_sensitivity(found, *controls.sensitivity, run, solution);
   if (controls.proof != nullptr) conclude(*controls.proof, state_->problem, solution);
   solution.times.setup_s = state_->setup_s;
-  solution.cold_objective = found.stayed_warm ? controls.warm_start->cold_objective : solution.objective;
+  solution.reference_objective =
+      found.stayed_warm ? controls.warm_start->reference_objective : solution.objective;
   state_->kkt->attend({});  // the stop token and the pause of this solve may not exist during the next one
   return solution;
 }
@@ -426,7 +427,7 @@ void Solver::prepare(const Solution& warm_start, const SolveControls& controls) 
   Run run(state_->options, controls);
   state_->kkt->attend(run.interrupt());
   marble::take(state_->problem, warm_start, state_->warm_start);
-  state_->strategy.prepare(run, {&state_->warm_start, warm_start.cold_objective});
+  state_->strategy.prepare(run, {&state_->warm_start, warm_start.reference_objective});
   state_->kkt->attend({});
 }
 
@@ -463,7 +464,7 @@ Expected<Solution> solve_once(const Problem& problem, const Options& options, co
              x, Run(options, own));
   solution.times.setup_s = std::chrono::duration<double>(Interrupt::now(controls.pause) - *own.begun).count();
   solution.times.solve_s = 0.0;
-  solution.cold_objective = solution.objective;
+  solution.reference_objective = solution.objective;
   if (controls.sensitivity != nullptr)
     solution.sensitivity = unexpected(must_be_solved(solution.status).error());
   return solution;

@@ -40,7 +40,7 @@ Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z, const std::op
     local = not_above_warm_start(run, std::move(local), warm_start->solution->z());
   local = solve_densely(run, std::move(local));
   if (!ended_by_force(local.ending.status)) stage_ = Stage::beginning;
-  return options_.global ? search_globally(run, std::move(local), warm_start.has_value()) : local;
+  return options_.global_search ? search_globally(run, std::move(local), warm_start.has_value()) : local;
 }
 
 Strategy::Answer Strategy::run_reference(Run& run, ConstVectorRef initial_z) {
@@ -118,7 +118,7 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
   }
   looked_for_ = {};
   if (warm_start && from <= Stage::mending) {
-    if (search_.start_from(run, *warm_start->solution, warm_start->cold_objective, from)) {
+    if (search_.start_from(run, *warm_start->solution, warm_start->reference_objective, from)) {
       Answer answer = finish_exact(run);
       answer.stayed_warm = true;
       return answer;
@@ -312,7 +312,7 @@ Strategy::Answer Strategy::finish_exact_cold(Run& run) {
   Answer answer = finish_exact(run);
   for (int better = 0; better < tuning::escapes; ++better) {
     if (answer.b_stationary || answer.ending.status != Status::solved || run.interrupted() ||
-        options_.local_search_budget == 0)
+        options_.max_local_search_factorizations == 0)
       break;
     const std::optional<bool> decided = optimality_.search_tangent_cone(run);
     if (!decided) break;
@@ -329,7 +329,8 @@ bool Strategy::is_small(const Run& run) const {
   const double size = problem_.variables() + problem_.equalities() + problem_.layout.size();
   return (problem_.pairs() > 0 || run.nonconvex) && problem_.pairs() <= tuning::small_pairs &&
          size <= tuning::small_size && options_.path == Path::fast && options_.polish &&
-         options_.local_search_budget > 0 && options_.small_budget > 0 && !options_.global;
+         options_.max_local_search_factorizations > 0 && options_.max_small_problem_nodes > 0 &&
+         !options_.global_search;
 }
 
 // The part of a cold solve after its first solution: global search if the problem is small, and the requested
@@ -340,7 +341,7 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
   bring_near(run);
   Answer answer = finish_exact_cold(run);
   const bool small = small_too && is_small(run);
-  if (!incumbent_.exists() || run.interrupted() || (!small && options_.starts == 1)) return answer;
+  if (!incumbent_.exists() || run.interrupted() || (!small && options_.num_starts == 1)) return answer;
   const double before = incumbent_.best().objective;
   const bool known_convex = optimality_.convex(run);
   TreeResult tree;
@@ -358,21 +359,23 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
     const PhaseScope phase(run.activity(), Phase::starts);
     for (int start = 0; start < count && run.factorizations < last && !run.interrupted(); ++start) {
       run.set_done(Phase::starts, start, count);
-      if (elsewhere->next(run, std::min(last, run.factorizations + options_.local_search_budget))) settle();
+      if (elsewhere->next(run, std::min(last, run.factorizations + options_.max_local_search_factorizations)))
+        settle();
     }
   };
   // For a small problem, one start covers as many starting points as the budget has factorizations.
   const auto start_small = [&] {
-    start_elsewhere(options_.small_budget, run.factorizations + options_.small_budget);
+    start_elsewhere(options_.max_small_problem_nodes, run.factorizations + options_.max_small_problem_nodes);
   };
   if (small && !convex) start_small();
   if (!tree.proved) search_.start_further(run, settle);
-  for (int start = 1; start < options_.starts && small && !convex && !run.interrupted(); ++start)
+  for (int start = 1; start < options_.num_starts && small && !convex && !run.interrupted(); ++start)
     start_small();
-  if (!small && !convex) start_elsewhere(options_.starts - 1, std::numeric_limits<int>::max());
+  if (!small && !convex) start_elsewhere(options_.num_starts - 1, std::numeric_limits<int>::max());
   if (ray) return {unbounded_along(*std::move(ray)), &path_point_.x};
   if (incumbent_.best().objective < before) answer = finish_exact_cold(run);
-  if (small) answer.ending.detail += "; small_budget: " + (convex ? tree.remark : "starts elsewhere");
+  if (small)
+    answer.ending.detail += "; max_small_problem_nodes: " + (convex ? tree.remark : "starts elsewhere");
   if (tree.proved) {
     answer.b_stationary = true;
   } else if (std::isfinite(tree.bound)) {
@@ -385,12 +388,12 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
 // Returns what the tree proves, and its counters.
 TreeResult Strategy::search_small_tree(Run& run, ConstVectorRef z, bool known_convex) {
   Options few = options_;
-  few.node_limit = options_.small_budget;
+  few.node_limit = options_.max_small_problem_nodes;
   // A small objective needs as many digits: a cost in other units is the same problem.
   if (incumbent_.exists()) {
     const double size =
         std::max(1.0 / problem_.cost_scale, std::abs(problem_.user_objective(incumbent_.best().objective)));
-    few.gap_tolerance *= std::min(1.0, size);
+    few.relative_gap_tolerance *= std::min(1.0, size);
   }
   const PhaseScope phase(run.activity(), Phase::tree);
   Tree tree(problem_, few, branch_.point, incumbent_);

@@ -29,7 +29,7 @@ class Strategy {
   /// A starting solution (scaled), and the objective of the last cold start before it.
   struct WarmStart {
     const Iterate* solution;
-    double cold_objective;
+    double reference_objective;
   };
   struct Answer {
     Ending ending;

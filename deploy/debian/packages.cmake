@@ -49,7 +49,7 @@ set(CPACK_DEBIAN_CLI_PACKAGE_SECTION math)
 set(CPACK_COMPONENT_CLI_DESCRIPTION "program for problems with complementarity constraints
 Solves quadratic programs with linear complementarity constraints, in its own
 process or on a Marble server; submits and watches jobs, converts problem
-files of other tools and draws convergence. Its load tester tells what a
+files of other tools and draws convergence. Its load tester reports what a
 server holds.")
 set(CPACK_DEBIAN_CLI_PACKAGE_RECOMMENDS ca-certificates)
 set(CPACK_DEBIAN_CLI_PACKAGE_SUGGESTS "gnuplot-nox | gnuplot")

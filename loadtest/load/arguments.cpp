@@ -114,7 +114,7 @@ std::string shell_line(int argc, char** argv) {
 }  // namespace
 
 bool parse_arguments(int argc, char** argv, Arguments& a, int& exit_code) {
-  CLI::App program("Loads a Marble server and tells what it holds.", "marble-load");
+  CLI::App program("Loads a Marble server and reports what it sustains.", "marble-load");
   program.set_version_flag("--version", std::string("marble-load ") + kVersion);
   program.require_subcommand(1);
   program.get_formatter()->column_width(34);

@@ -39,7 +39,7 @@ bool write(const std::string& path, const std::string& content) {
 }
 
 // Prints a line for a person who watches.
-void tell_second(const Second& second) {
+void report_second(const Second& second) {
   std::fprintf(
       stderr, "\r%6.0f s  %8llu answers/s  %6llu errors/s  median %8.2f ms  p99 %8.2f ms  queued %d   ",
       second.at_s, static_cast<unsigned long long>(second.answers),
@@ -55,7 +55,7 @@ std::uint64_t failures(const RunResult& result, const std::vector<std::string>& 
 }
 
 template <class Report>
-int tell(const Arguments& a, const Report& report, int exit_code) {
+int report(const Arguments& a, const Report& report, int exit_code) {
   const std::string json = report.json().dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
   std::cout << (a.json ? json : report.text()) << std::flush;
   const bool written = write(a.json_file, json) && (a.html_file.empty() || write(a.html_file, report.html()));
@@ -81,13 +81,13 @@ int run_program(Arguments& a) {
 
   const bool watched = !a.quiet && isatty(STDERR_FILENO) != 0;
   const RunParts parts{*target, *server, *entries,
-                       watched ? tell_second : std::function<void(const Second&)>()};
+                       watched ? report_second : std::function<void(const Second&)>()};
   const cli::Interrupt interrupt;
   if (a.is_ramp) {
-    const auto told = [&](const RampStep& step) {
+    const auto reported = [&](const RampStep& step) {
       if (!a.quiet) std::cerr << (watched ? "\r" : "") << text_line(step, a.ramp.objective);
     };
-    const auto result = ramp(parts, a.plan, a.ramp, interrupt.token(), told);
+    const auto result = ramp(parts, a.plan, a.ramp, interrupt.token(), reported);
     if (!result) return fails(result.error());
     struct Report {
       const Subject& subject;
@@ -97,14 +97,14 @@ int run_program(Arguments& a) {
       [[nodiscard]] Json json() const { return json_report(subject, result, objective); }
       [[nodiscard]] std::string html() const { return html_report(subject, result, objective); }
     };
-    return tell(a, Report{subject, *result, a.ramp.objective},
-                result->best_rate_per_s > 0.0 ? kGood : kFailures);
+    return report(a, Report{subject, *result, a.ramp.objective},
+                  result->best_rate_per_s > 0.0 ? kGood : kFailures);
   }
   if (!a.levels.empty()) {
-    const auto told = [&](const OverloadStep& step) {
+    const auto reported = [&](const OverloadStep& step) {
       if (!a.quiet) std::cerr << (watched ? "\r" : "") << text_line(step);
     };
-    const auto result = overload(parts, a.plan, a.levels, info->workers, interrupt.token(), told);
+    const auto result = overload(parts, a.plan, a.levels, info->workers, interrupt.token(), reported);
     if (!result) return fails(result.error());
     struct Report {
       const Subject& subject;
@@ -117,7 +117,7 @@ int run_program(Arguments& a) {
     std::uint64_t failed = 0;
     for (const OverloadStep& step : result->steps) failed += failures(step.result, a.allowed);
     if (!write(a.csv_file, csv_report(*result))) return kBadInput;
-    return tell(a, Report{subject, *result}, failed == 0 ? kGood : kFailures);
+    return report(a, Report{subject, *result}, failed == 0 ? kGood : kFailures);
   }
   const auto result = run(parts, a.plan, interrupt.token());
   if (watched) std::cerr << '\n';
@@ -129,7 +129,7 @@ int run_program(Arguments& a) {
     [[nodiscard]] Json json() const { return json_report(subject, result); }
     [[nodiscard]] std::string html() const { return html_report(subject, result); }
   };
-  return tell(a, Report{subject, *result}, failures(*result, a.allowed) == 0 ? kGood : kFailures);
+  return report(a, Report{subject, *result}, failures(*result, a.allowed) == 0 ? kGood : kFailures);
 }
 
 }  // namespace

@@ -65,7 +65,7 @@ BENCHMARK(BM_ValidateAlone)->ArgName("hopper_steps")->Arg(1)->Arg(60)->Unit(benc
 
 void BM_EncodeAnswer(benchmark::State& state) {
   const OwnedProblem problem = micro::hopper(state.range(0));
-  const Solution solution = solve_in_process(problem.view(), {.local_search_budget = 0}).value();
+  const Solution solution = solve_in_process(problem.view(), {.max_local_search_factorizations = 0}).value();
   std::size_t bytes = 0;
   for (auto _ : state) {
     v1::SolveResponse response;

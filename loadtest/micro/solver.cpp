@@ -47,7 +47,7 @@ BENCHMARK(BM_Qpec)->ArgName("variables")->Arg(50)->Arg(100)->Arg(200)->Unit(benc
 
 void BM_HopperPathAlone(benchmark::State& state) {
   Options options;
-  options.local_search_budget = 0;
+  options.max_local_search_factorizations = 0;
   solve_repeatedly(state, micro::hopper(state.range(0)), options);
 }
 BENCHMARK(BM_HopperPathAlone)->ArgName("steps")->Arg(60)->Unit(benchmark::kMillisecond);

@@ -34,7 +34,7 @@ OwnedProblem perturb(OwnedProblem p, double size, std::uint64_t seed) {
 
 double best_of(const OwnedProblem& problem, int starts) {
   Options options;
-  options.starts = starts;
+  options.num_starts = starts;
   const Solution s = solve_in_process(problem.view(), options).value();
   return is_solved(s.status) ? s.objective : kNone;
 }
@@ -214,7 +214,8 @@ void growth(const Settings&) {
     parameters.steps = steps;
     const OwnedProblem p = examples::hopper(parameters);
     Options options;
-    options.local_search_budget = 0;  // the same work at each length: the path and one exact solve
+    options.max_local_search_factorizations =
+        0;  // the same work at each length: the path and one exact solve
     const Solution s = solve_in_process(p.view(), options).value();
     const double each = 1e3 * s.times.solve_s / s.factorizations;
     std::printf("%6d %9zu %6d %10.2f %12.4f %12.2f\n", steps, p.g.size(), s.factorizations,

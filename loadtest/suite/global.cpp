@@ -89,7 +89,7 @@ std::vector<Family> families() {
 // Compares local solutions, with one start and with several, with proved ones.
 void local_against_proved(const Settings& settings) {
   std::printf("\n%-26s %7s %7s %8s %10s %10s %9s %10s\n", "family", "proved", "of", "global", "median",
-              "worst", "starts=", "global");
+              "worst", "num_starts=", "global");
   for (const Family& family : families()) {
     int proved = 0, global = 0, global_with_starts = 0;
     std::vector<double> excess;
@@ -97,10 +97,10 @@ void local_against_proved(const Settings& settings) {
       const OwnedProblem p = family.make(static_cast<std::uint64_t>(seed));
       Options options;
       const auto local = solve_in_process(p.view(), options);
-      options.starts = settings.starts;
+      options.num_starts = settings.starts;
       const auto more = solve_in_process(p.view(), options);
       options = {};
-      options.global = true;
+      options.global_search = true;
       options.time_limit_s = kSmallProblems_s;
       const auto best = solve_in_process(p.view(), options);
       if (!local || !more || !best || !best->proved || best->status != Status::solved) continue;
@@ -135,7 +135,7 @@ void global(const Settings& settings) {
   for (const Named& named : with_proofs(settings)) {
     if (!settings.only.empty() && named.name != settings.only) continue;
     Options options;
-    options.global = true;
+    options.global_search = true;
     options.time_limit_s = settings.time_limit_s;
     const auto solution = solve_in_process(named.problem.view(), options);
     if (!solution) {

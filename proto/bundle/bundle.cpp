@@ -25,7 +25,7 @@ namespace {
 constexpr const char* kFactsFile = "job.pb";
 constexpr const char* kRequestFile = "request.pb";
 constexpr const char* kAnswerFile = "answer.pb";
-constexpr std::size_t kMostText = 16 << 20;  // bytes of an answer that is told as text too
+constexpr std::size_t kMostText = 16 << 20;  // bytes of an answer that is written as text too
 // Bytes that any file may unpack to, those passed over too: they cost time alone.
 constexpr std::uint64_t kLeastUnpacked = 256 << 20;
 // Bytes of the parts that are read, and of what they become, of any file.
@@ -34,7 +34,7 @@ constexpr std::uint64_t kMostRatio = 100;   // both: and this many times the fil
 constexpr std::uint64_t kFieldBytes = 256;  // what a field may become when it is parsed
 
 constexpr const char* kReadMe =
-    "A solve by Marble, to be solved again: marble replay FILE tells what differs.\n"
+    "A solve by Marble, to be solved again: marble replay FILE reports what differs.\n"
     "\n"
     "bundle.json   version, processor, options and end\n"
     "problem.json  the problem, for marble solve (blocks of coupled problems are in request.pb alone)\n"
@@ -65,11 +65,11 @@ std::string trace_csv(const v1::Trace& trace) {
   return text;
 }
 
-// The facts as text. A sampler's seed is told here too; all else in Marble that is random is fixed.
+// The facts as text. A sampler's seed is reported here too; all else in Marble that is random is fixed.
 std::string facts_json(const v1::JobBundle& facts) {
-  v1::JobBundle told = facts;
-  told.mutable_job()->clear_trace();
-  return json_of(told);
+  v1::JobBundle reported = facts;
+  reported.mutable_job()->clear_trace();
+  return json_of(reported);
 }
 
 std::string last_part(std::string_view path) { return std::string(path.substr(path.find_last_of('/') + 1)); }
@@ -94,7 +94,7 @@ Expected<void> parse(const std::string& bytes, const char* file, Message* messag
 
 }  // namespace
 
-void tell_build(v1::JobBundle* facts) {
+void report_build(v1::JobBundle* facts) {
   facts->set_version(kVersion);
 #if defined(__clang__)
   std::string build = __VERSION__;
@@ -162,7 +162,7 @@ Expected<void> write_bundle(const Bundle& bundle, const BundleSink& sink) {
   const auto add = [&](const char* name, const std::string& content) {
     if (written)
       written = archive.add(name, content.size(), when,
-                            [&](const TarZstWriter::Tell& tell) { return tell(content); });
+                            [&](const TarZstWriter::Report& report) { return report(content); });
   };
   add("README.txt", kReadMe);
   add("bundle.json", facts_json(bundle.facts));
@@ -174,20 +174,21 @@ Expected<void> write_bundle(const Bundle& bundle, const BundleSink& sink) {
       size += text.size();
       return {};
     });
-    written = archive.add("problem.json", size, when,
-                          [&](const TarZstWriter::Tell& tell) { return write_problem_json(request, tell); });
+    written = archive.add("problem.json", size, when, [&](const TarZstWriter::Report& report) {
+      return write_problem_json(request, report);
+    });
   }
   add("trace.csv", trace_csv(bundle.facts.job().trace()));
   if (!bundle.answer.empty()) add(kAnswerFile, bundle.answer);
   if (written && !bundle.answer.empty() && bundle.answer.size() <= kMostText) {
     written =
-        archive.add("answer.json", message_json_size(answer), when, [&](const TarZstWriter::Tell& tell) {
-          Expected<void> told;
+        archive.add("answer.json", message_json_size(answer), when, [&](const TarZstWriter::Report& report) {
+          Expected<void> reported;
           write_message_json(answer, [&](std::string_view piece) {
-            told = tell(piece);
-            return told.has_value();
+            reported = report(piece);
+            return reported.has_value();
           });
-          return told;
+          return reported;
         });
   }
   return written ? archive.finish() : written;
@@ -225,10 +226,10 @@ Expected<Bundle> read_bundle(std::string_view file) {
   if (auto valid = check_part<v1::SolveResponse>(bundle.answer, kAnswerFile, most); !valid)
     return unexpected(valid.error());
   if (auto read = parse(parts[kFactsFile], kFactsFile, &bundle.facts); !read) return unexpected(read.error());
-  const auto check = [](std::int64_t told, const std::string& there, const char* name) -> Expected<void> {
-    if (told == static_cast<std::int64_t>(there.size())) return {};
+  const auto check = [](std::int64_t reported, const std::string& there, const char* name) -> Expected<void> {
+    if (reported == static_cast<std::int64_t>(there.size())) return {};
     return unexpected(damaged(std::string(name) + " has " + std::to_string(there.size()) + " bytes, not " +
-                              std::to_string(told)));
+                              std::to_string(reported)));
   };
   if (auto whole = check(bundle.facts.request_bytes(), bundle.request, kRequestFile); !whole)
     return unexpected(whole.error());

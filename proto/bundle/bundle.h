@@ -24,7 +24,7 @@ struct Bundle {
 };
 
 /// This program's version, build and processor.
-void tell_build(v1::JobBundle* facts);
+void report_build(v1::JobBundle* facts);
 
 /// Takes out what says who asked.
 void make_anonymous(v1::JobBundle* facts);

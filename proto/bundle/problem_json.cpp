@@ -10,11 +10,11 @@
 namespace marble {
 namespace {
 
-constexpr std::size_t kPiece = 1 << 16;  // bytes told at once
+constexpr std::size_t kPiece = 1 << 16;  // bytes written at once
 
 class Writer {
  public:
-  explicit Writer(const std::function<Expected<void>(std::string_view)>& tell) : tell_(tell) {}
+  explicit Writer(const std::function<Expected<void>(std::string_view)>& report) : report_(report) {}
 
   void text(std::string_view text) {
     buffer_ += text;
@@ -30,22 +30,22 @@ class Writer {
   template <class Get>
   void array(std::size_t count, const Get& get) {
     text("[");
-    for (std::size_t k = 0; k < count && told_; ++k) {
+    for (std::size_t k = 0; k < count && reported_; ++k) {
       if (k > 0) text(",");
       number(get(k));
     }
     text("]");
   }
   void flush() {
-    if (told_) told_ = tell_(buffer_);
+    if (reported_) reported_ = report_(buffer_);
     buffer_.clear();
   }
-  [[nodiscard]] const Expected<void>& told() const { return told_; }
+  [[nodiscard]] const Expected<void>& reported() const { return reported_; }
 
  private:
-  const std::function<Expected<void>(std::string_view)>& tell_;
+  const std::function<Expected<void>(std::string_view)>& report_;
   std::string buffer_;
-  Expected<void> told_;
+  Expected<void> reported_;
 };
 
 // Column and position of every entry that a matrix's column pointers lead to.
@@ -93,10 +93,10 @@ void matrix(Writer& writer, const char* key, const SparseMatrixView& m, std::siz
 bool has_problem(const v1::SolveRequest& request) { return request.problem().gradient_size() > 0; }
 
 Expected<void> write_problem_json(const v1::SolveRequest& request,
-                                  const std::function<Expected<void>(std::string_view)>& tell) {
+                                  const std::function<Expected<void>(std::string_view)>& report) {
   const ProblemView p = view_of(request.problem());
   const std::size_t n = p.g.size();
-  Writer writer(tell);
+  Writer writer(report);
   using Json = nlohmann::json;
   writer.text(
       "{\"name\":" + Json(request.problem().name()).dump(-1, ' ', false, Json::error_handler_t::replace) +
@@ -121,7 +121,7 @@ Expected<void> write_problem_json(const v1::SolveRequest& request,
   }
   writer.text("}\n");
   writer.flush();
-  return writer.told();
+  return writer.reported();
 }
 
 }  // namespace marble

@@ -13,9 +13,9 @@ namespace marble {
 /// Whether the request has a problem of its own: that of blocks is in `coupled`.
 [[nodiscard]] bool has_problem(const v1::SolveRequest& request);
 
-/// Tells the file piece by piece: the project's JSON, one line, every double with every bit. What is no
-/// problem is told as it is, as far as indices lead. Errors: those of `tell`.
-[[nodiscard]] Expected<void> write_problem_json(const v1::SolveRequest& request,
-                                                const std::function<Expected<void>(std::string_view)>& tell);
+/// Reports the file piece by piece: the project's JSON, one line, every double with every bit. What is no
+/// problem is written as it is, as far as indices lead. Errors: those of `report`.
+[[nodiscard]] Expected<void> write_problem_json(
+    const v1::SolveRequest& request, const std::function<Expected<void>(std::string_view)>& report);
 
 }  // namespace marble

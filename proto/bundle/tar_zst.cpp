@@ -59,9 +59,9 @@ class Unpacked {
         left_(most_bytes),
         window_(ZSTD_DStreamOutSize()) {}
 
-  // Tells the next `count` bytes, piece by piece.
-  template <class Tell>
-  [[nodiscard]] Expected<void> next(std::uint64_t count, const Tell& tell) {
+  // Reports the next `count` bytes, piece by piece.
+  template <class Report>
+  [[nodiscard]] Expected<void> next(std::uint64_t count, const Report& report) {
     if (count > left_) {
       return unexpected(damaged("it would unpack to more than " + std::to_string(most_) +
                                 " bytes, which is what a file of its size may"));
@@ -73,7 +73,7 @@ class Unpacked {
         if (at_ == end_) return unexpected(damaged("it is cut off"));
       }
       const auto some = static_cast<std::size_t>(std::min<std::uint64_t>(count, end_ - at_));
-      tell(std::string_view(window_.data() + at_, some));
+      report(std::string_view(window_.data() + at_, some));
       at_ += some;
       count -= some;
     }
@@ -140,7 +140,7 @@ Expected<void> TarZstWriter::put(std::string_view bytes, ZSTD_EndDirective end) 
 }
 
 Expected<void> TarZstWriter::add(const std::string& name, std::uint64_t size, std::int64_t unix_s,
-                                 const std::function<Expected<void>(const Tell&)>& content) {
+                                 const std::function<Expected<void>(const Report&)>& content) {
   Header header{};
   std::copy_n(name.begin(), std::min(name.size(), kNameBytes - 1), header.begin());
   set_octal(header, kMode, 0644);
@@ -153,7 +153,8 @@ Expected<void> TarZstWriter::add(const std::string& name, std::uint64_t size, st
   set_octal(header, {kSum.at, kSum.bytes - 1}, sum_of(header));
   header[kSum.at + kSum.bytes - 1] = ' ';
   if (auto made = put({header.data(), header.size()}); !made) return made;
-  if (auto told = content([this](std::string_view bytes) { return put(bytes); }); !told) return told;
+  if (auto reported = content([this](std::string_view bytes) { return put(bytes); }); !reported)
+    return reported;
   const std::string padding(padding_of(size), '\0');
   return put(padding);
 }

@@ -18,11 +18,11 @@ class TarZstWriter {
   using Sink = std::function<Expected<void>(std::string_view)>;
   explicit TarZstWriter(Sink sink);
 
-  /// Told pieces of a file's content.
-  using Tell = std::function<Expected<void>(std::string_view)>;
-  /// A name of less than 100 bytes; `content` tells exactly `size` bytes.
+  /// Reported pieces of a file's content.
+  using Report = std::function<Expected<void>(std::string_view)>;
+  /// A name of less than 100 bytes; `content` writes exactly `size` bytes.
   [[nodiscard]] Expected<void> add(const std::string& name, std::uint64_t size, std::int64_t unix_s,
-                                   const std::function<Expected<void>(const Tell&)>& content);
+                                   const std::function<Expected<void>(const Report&)>& content);
   /// The end of the archive.
   [[nodiscard]] Expected<void> finish();
 

@@ -387,7 +387,7 @@ void to_message(const Solution& solution, v1::Solution* message) {
   message->set_stationarity(static_cast<v1::Stationarity>(static_cast<int>(solution.stationarity)));
   if (solution.b_stationary) message->set_b_stationary(*solution.b_stationary);
   message->set_second_order(static_cast<v1::SecondOrder>(static_cast<int>(solution.second_order)));
-  message->set_cold_objective(solution.cold_objective);
+  message->set_reference_objective(solution.reference_objective);
   message->set_proved(solution.proved);
   tree_to_message(solution, message);
   message->set_iterations(solution.iterations);
@@ -418,7 +418,7 @@ Solution solution_of(const v1::Solution& message) {
   if (message.has_b_stationary()) solution.b_stationary = message.b_stationary();
   if (v1::SecondOrder_IsValid(message.second_order()))
     solution.second_order = static_cast<SecondOrder>(static_cast<int>(message.second_order()));
-  solution.cold_objective = message.cold_objective();
+  solution.reference_objective = message.reference_objective();
   solution.proved = message.proved();
   take_tree(message, solution);
   solution.iterations = message.iterations();
@@ -433,13 +433,13 @@ Solution solution_of(const v1::Solution& message) {
 
 void to_message(const Solution& start, v1::WarmStart* message) {
   vectors_to_message(start, message);
-  message->set_cold_objective(start.cold_objective);
+  message->set_reference_objective(start.reference_objective);
 }
 
 Solution solution_of(const v1::WarmStart& message) {
   Solution start;
   take_vectors(message, start);
-  start.cold_objective = message.cold_objective();
+  start.reference_objective = message.reference_objective();
   return start;
 }
 

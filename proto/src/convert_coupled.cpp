@@ -20,7 +20,7 @@ std::string renamed(const std::string& field, const Rename& rename) {
 }
 
 bool of_pieces(const std::string& field) {
-  return field == "stages" || field == "pieces" || field == "look_ahead";
+  return field == "stages" || field == "pieces" || field == "overlap";
 }
 
 }  // namespace

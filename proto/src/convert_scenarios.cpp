@@ -86,44 +86,45 @@ struct Column {
 
 }  // namespace
 
-Expected<void> take_worlds(const v1::Scenarios& message, ScenarioProblem& problem) {
+Expected<void> take_scenarios(const v1::Scenarios& message, ScenarioProblem& problem) {
   problem.first_stage = list_of(message.first_stage());
   problem.own_equalities = list_of(message.own_equalities());
   problem.own_inequalities = list_of(message.own_inequalities());
   problem.own_pairs = list_of(message.own_pairs());
-  switch (message.worlds_case()) {
+  switch (message.scenarios_case()) {
     case v1::Scenarios::kSamples: {
       const auto table = table_of(message.samples());
-      return table ? set_worlds(problem, *table) : unexpected(table.error());
+      return table ? set_scenarios(problem, *table) : unexpected(table.error());
     }
     case v1::Scenarios::kSampler: {
       const auto sampler = sampler_of(message.sampler());
-      return sampler ? set_worlds(problem, *sampler) : unexpected(sampler.error());
+      return sampler ? set_scenarios(problem, *sampler) : unexpected(sampler.error());
     }
-    case v1::Scenarios::WORLDS_NOT_SET:
+    case v1::Scenarios::SCENARIOS_NOT_SET:
       break;
   }
   return unexpected(invalid("samples", "or a sampler must be there"));
 }
 
 void take_settings(const v1::Scenarios& message, ScenarioSettings& settings) {
-  if (message.has_first_scenarios()) settings.first_scenarios = message.first_scenarios();
+  if (message.has_initial_sample_size()) settings.initial_sample_size = message.initial_sample_size();
   if (message.has_growth()) settings.growth = message.growth();
-  if (message.has_most_scenarios()) settings.most_scenarios = message.most_scenarios();
+  if (message.has_max_sample_size()) settings.max_sample_size = message.max_sample_size();
   if (message.has_tolerance()) settings.tolerance = message.tolerance();
-  if (message.has_least_scenarios()) settings.least_scenarios = message.least_scenarios();
+  if (message.has_min_sample_size()) settings.min_sample_size = message.min_sample_size();
   if (message.has_without_recourse()) settings.without_recourse = message.without_recourse();
-  if (message.has_fresh_scenarios()) settings.fresh_scenarios = message.fresh_scenarios();
+  if (message.has_out_of_sample_scenarios())
+    settings.out_of_sample_scenarios = message.out_of_sample_scenarios();
 }
 
 void to_message(const ScenarioSettings& settings, v1::Scenarios* message) {
-  message->set_first_scenarios(settings.first_scenarios);
+  message->set_initial_sample_size(settings.initial_sample_size);
   message->set_growth(settings.growth);
-  message->set_most_scenarios(settings.most_scenarios);
+  message->set_max_sample_size(settings.max_sample_size);
   message->set_tolerance(settings.tolerance);
-  message->set_least_scenarios(settings.least_scenarios);
+  message->set_min_sample_size(settings.min_sample_size);
   message->set_without_recourse(settings.without_recourse);
-  message->set_fresh_scenarios(settings.fresh_scenarios);
+  message->set_out_of_sample_scenarios(settings.out_of_sample_scenarios);
 }
 
 Expected<void> to_message(const ScenarioProblem& problem, std::int64_t count, v1::Scenarios* message) {
@@ -137,16 +138,16 @@ Expected<void> to_message(const ScenarioProblem& problem, std::int64_t count, v1
   if (!problem.sample) return unexpected(invalid("sample", "must be there"));
   const PartSizes sizes = PartSizes::of(*base);
   const ProblemView& view = problem.base;
-  std::vector<ScenarioNumbers> worlds;
+  std::vector<ScenarioNumbers> scenarios;
   bool constant = false, weights = false;
   for (std::int64_t i = 0; i < std::min(count, problem.scenarios); ++i) {
-    auto world = problem.sample(i);
-    if (!world) return unexpected(world.error());
-    if (auto valid = sizes.check(world->update()); !valid)
+    auto scenario = problem.sample(i);
+    if (!scenario) return unexpected(scenario.error());
+    if (auto valid = sizes.check(scenario->update()); !valid)
       return unexpected(inside("scenario[" + std::to_string(i) + "]", valid.error()));
-    constant = constant || world->c0.value_or(view.c0) != view.c0;
-    weights = weights || world->weight != 1.0;
-    worlds.push_back(*std::move(world));
+    constant = constant || scenario->c0.value_or(view.c0) != view.c0;
+    weights = weights || scenario->weight != 1.0;
+    scenarios.push_back(*std::move(scenario));
   }
   using enum ProblemPart;
   using N = ScenarioNumbers;
@@ -161,8 +162,8 @@ Expected<void> to_message(const ScenarioProblem& problem, std::int64_t count, v1
   for (const Column& column : columns) {
     std::vector<Index> positions;
     for (std::size_t k = 0; k < column.base.size(); ++k)
-      if (std::ranges::any_of(worlds, [&](const ScenarioNumbers& world) {
-            const std::vector<double>& numbers = world.*column.numbers;
+      if (std::ranges::any_of(scenarios, [&](const ScenarioNumbers& scenario) {
+            const std::vector<double>& numbers = scenario.*column.numbers;
             return !numbers.empty() && numbers[k] != column.base[k];
           }))
         positions.push_back(static_cast<Index>(k));
@@ -170,11 +171,11 @@ Expected<void> to_message(const ScenarioProblem& problem, std::int64_t count, v1
     entries_to_message({column.part, positions}, samples->add_entries());
     differing.emplace_back(&column, std::move(positions));
   }
-  for (const ScenarioNumbers& world : worlds) {
-    if (constant) samples->add_values(world.c0.value_or(view.c0));
-    if (weights) samples->add_weights(world.weight);
+  for (const ScenarioNumbers& scenario : scenarios) {
+    if (constant) samples->add_values(scenario.c0.value_or(view.c0));
+    if (weights) samples->add_weights(scenario.weight);
     for (const auto& [column, positions] : differing) {
-      const std::vector<double>& numbers = world.*column->numbers;
+      const std::vector<double>& numbers = scenario.*column->numbers;
       for (const Index k : positions)
         samples->add_values(numbers.empty() ? column->base[static_cast<std::size_t>(k)]
                                             : numbers[static_cast<std::size_t>(k)]);
@@ -214,14 +215,14 @@ void to_message(const ScenarioLevel& level, v1::ScenarioLevel* message) {
   message->set_warm(level.warm);
   message->set_searched(level.searched);
   message->set_memory_bytes(level.memory_bytes);
-  if (!level.fresh) return;
-  v1::OutOfSample* fresh = message->mutable_fresh();
-  fresh->set_scenarios(level.fresh->scenarios);
-  fresh->set_without_recourse(level.fresh->without_recourse);
-  fresh->set_mean(level.fresh->mean);
-  fresh->set_half_width(level.fresh->half_width);
-  fresh->set_factorizations(level.fresh->factorizations);
-  fresh->set_seconds(level.fresh->seconds);
+  if (!level.out_of_sample) return;
+  v1::OutOfSample* out_of_sample = message->mutable_fresh();
+  out_of_sample->set_scenarios(level.out_of_sample->scenarios);
+  out_of_sample->set_without_recourse(level.out_of_sample->without_recourse);
+  out_of_sample->set_mean(level.out_of_sample->mean);
+  out_of_sample->set_half_width(level.out_of_sample->half_width);
+  out_of_sample->set_factorizations(level.out_of_sample->factorizations);
+  out_of_sample->set_seconds(level.out_of_sample->seconds);
 }
 
 ScenarioLevel scenario_level_of(const v1::ScenarioLevel& message) {
@@ -238,9 +239,10 @@ ScenarioLevel scenario_level_of(const v1::ScenarioLevel& message) {
                       .searched = message.searched(),
                       .memory_bytes = message.memory_bytes()};
   if (!message.has_fresh()) return level;
-  const v1::OutOfSample& fresh = message.fresh();
-  level.fresh = {fresh.scenarios(),  fresh.without_recourse(), fresh.mean(),
-                 fresh.half_width(), fresh.factorizations(),   fresh.seconds()};
+  const v1::OutOfSample& out_of_sample = message.out_of_sample();
+  level.out_of_sample = {out_of_sample.scenarios(),      out_of_sample.without_recourse(),
+                         out_of_sample.mean(),           out_of_sample.half_width(),
+                         out_of_sample.factorizations(), out_of_sample.seconds()};
   return level;
 }
 
@@ -269,10 +271,10 @@ ScenarioAnswer scenario_answer_of(const v1::Solution& message) {
   const std::vector<double>& z = answer.solution.z;
   const std::size_t plan = std::min(z.size(), static_cast<std::size_t>(std::max(outcome.first_stage(), 0)));
   answer.x.assign(z.begin(), z.begin() + static_cast<std::ptrdiff_t>(plan));
-  const auto worlds = static_cast<std::size_t>(std::max<std::int64_t>(answer.scenarios, 0));
-  if (worlds == 0 || worlds > z.size()) return answer;
-  const std::size_t own = (z.size() - plan) / worlds;
-  for (std::size_t s = 0; s < worlds; ++s) {
+  const auto scenarios = static_cast<std::size_t>(std::max<std::int64_t>(answer.scenarios, 0));
+  if (scenarios == 0 || scenarios > z.size()) return answer;
+  const std::size_t own = (z.size() - plan) / scenarios;
+  for (std::size_t s = 0; s < scenarios; ++s) {
     const auto first = z.begin() + static_cast<std::ptrdiff_t>(plan + s * own);
     answer.recourse.emplace_back(first, first + static_cast<std::ptrdiff_t>(own));
   }

@@ -161,15 +161,15 @@ void to_message(const Expected<SensitivityAnswer>& answer, v1::Sensitivity* mess
     }
   }
   if (const AnswerChanges& changes = answer->changes; !changes.holds.empty()) {
-    v1::AnswerChanges* told = message->mutable_changes();
-    vectors_to_message(changes, told->mutable_vectors());
-    told->mutable_holds()->Assign(changes.holds.begin(), changes.holds.end());
-    told->mutable_missing()->Assign(changes.missing.begin(), changes.missing.end());
+    v1::AnswerChanges* reported = message->mutable_changes();
+    vectors_to_message(changes, reported->mutable_vectors());
+    reported->mutable_holds()->Assign(changes.holds.begin(), changes.holds.end());
+    reported->mutable_missing()->Assign(changes.missing.begin(), changes.missing.end());
   }
   if (const ProblemGradients& gradients = answer->gradients; !gradients.g.empty()) {
-    v1::ProblemGradients* told = message->mutable_gradients();
-    numbers_to_message(gradients, told->mutable_numbers());
-    told->mutable_missing()->Assign(gradients.missing.begin(), gradients.missing.end());
+    v1::ProblemGradients* reported = message->mutable_gradients();
+    numbers_to_message(gradients, reported->mutable_numbers());
+    reported->mutable_missing()->Assign(gradients.missing.begin(), gradients.missing.end());
   }
 }
 

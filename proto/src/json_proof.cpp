@@ -77,7 +77,7 @@ void write_proof(const Proof& proof, const ProblemView& problem, const Options& 
   add("leaves", static_cast<Index>(proof.leaves.size()));
   if (is_solved(solution.status)) {
     add("objective", solution.objective);
-    add("gap_tolerance", options.gap_tolerance);
+    add("relative_gap_tolerance", options.relative_gap_tolerance);
     add("equality_tolerance", options.equality_tolerance);
     add("inequality_tolerance", options.inequality_tolerance);
     add("complementarity_tolerance", options.complementarity_tolerance);

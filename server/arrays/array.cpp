@@ -38,7 +38,7 @@ int class_of(const std::string& id) { return static_cast<int>(std::hash<std::str
 
 ResultStore::Result no_single_answer(const std::string& id) {
   return {unexpected(failure(ErrorCode::failed_precondition, "job_id", id,
-                             "is an array: Jobs.ArrayResults tells its answers")),
+                             "is an array: Jobs.ArrayResults returns its answers")),
           0.0};
 }
 
@@ -301,7 +301,7 @@ void Array::kept(const ElementAnswer& answer) {
     }
     if (stage_ == Stage::open) record_->set_array(counts_, answer_bytes_);
   }
-  tell();
+  report();
   end_if_over();
 }
 
@@ -317,7 +317,7 @@ void Array::forgotten() {
     newest_.clear();
   }
   give_up(deleted(description().id));
-  tell();
+  report();
 }
 
 void Array::give_up(const Error& reason) {
@@ -376,7 +376,7 @@ void Array::end(const std::optional<Error>& reason) {
       self->stage_ = Stage::over;
       self->newest_.clear();
     }
-    self->tell();
+    self->report();
   });
 }
 
@@ -413,7 +413,7 @@ void Array::listen(const std::weak_ptr<ArrayListener>& listener) {
   listeners_.push_back(listener);
 }
 
-void Array::tell() {
+void Array::report() {
   std::vector<std::shared_ptr<ArrayListener>> all;
   {
     const MutexLock lock(mutex_);

@@ -94,7 +94,7 @@ class Array final : public RoomWaiter, public std::enable_shared_from_this<Array
   void give_up(const Error& reason) ABSL_LOCKS_EXCLUDED(mutex_);
   void end_if_over() ABSL_LOCKS_EXCLUDED(mutex_);
   void end(const std::optional<Error>& reason) ABSL_LOCKS_EXCLUDED(mutex_);
-  void tell() ABSL_LOCKS_EXCLUDED(mutex_);
+  void report() ABSL_LOCKS_EXCLUDED(mutex_);
 
   const ServiceParts& parts_;
   ElementStore& store_;

@@ -15,7 +15,7 @@ constexpr std::int64_t kElementBytes = 64;    // memory of an element besides it
 constexpr std::int64_t kMostUnsettled = 256;  // elements on their way to the store
 constexpr std::int64_t kMostUnsettledBytes = 8 << 20;
 
-v1::SubmitArrayResponse told(const std::string& id, std::int64_t elements) {
+v1::SubmitArrayResponse reported(const std::string& id, std::int64_t elements) {
   v1::SubmitArrayResponse response;
   response.set_job_id(id);
   response.set_elements(elements);
@@ -112,8 +112,8 @@ void ArrayDraft::seal(std::int64_t elements, const Sealed& sealed) {
   const auto id = arrays_.parts_.results.expect(id_, caller_.identity.client, {request_id_, digest_});
   if (!id) return sealed(unexpected(id.error()));
   if (*id != id_) {
-    return arrays_.elements_.when_settled(
-        [sealed, response = told(*id, elements_)](const Expected<void>& /*written*/) { sealed(response); });
+    return arrays_.elements_.when_settled([sealed, response = reported(*id, elements_)](
+                                              const Expected<void>& /*written*/) { sealed(response); });
   }
   if (!is_repeated_) return seal_new(sealed);
   // The other array was dropped meanwhile, and this one was not kept.
@@ -138,7 +138,7 @@ void ArrayDraft::seal_new(const Sealed& sealed) {
                          .counts = {.elements = self->elements_}};
         for (std::int64_t index = 0; index < self->elements_; ++index) start.open.push_back({index, 0});
         self->arrays_.run(std::move(start));
-        sealed(told(self->id_, self->elements_));
+        sealed(reported(self->id_, self->elements_));
       });
 }
 

@@ -15,7 +15,7 @@ namespace {
 constexpr std::int64_t kPageBytes = 1 << 20;
 
 // The message, after the field that it lacks: concatenated encodings are one message.
-grpc::ByteBuffer told(const ElementAnswer& answer) {
+grpc::ByteBuffer reported(const ElementAnswer& answer) {
   v1::ArrayResultsResponse first;
   first.set_sequence(answer.sequence);
   v1::ArrayResultsResponse rest;
@@ -113,7 +113,7 @@ bool ArrayResultsCall::work() {
 
 bool ArrayResultsCall::next_event(grpc::ByteBuffer* event) {
   if (page_.empty()) return false;
-  *event = told(page_.front());
+  *event = reported(page_.front());
   page_.pop_front();
   return true;
 }

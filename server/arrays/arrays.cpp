@@ -22,7 +22,7 @@ Error unreadable() { return failure(ErrorCode::internal, "the stored array canno
 
 std::shared_ptr<Arrays> Arrays::make(const ServiceParts& parts, JobStore* store) {
   const std::shared_ptr<Arrays> arrays(new Arrays(parts, store));
-  parts.results.tell_forgotten([weak = std::weak_ptr<Arrays>(arrays)](const std::string& id) {
+  parts.results.report_forgotten([weak = std::weak_ptr<Arrays>(arrays)](const std::string& id) {
     if (const auto strong = weak.lock()) strong->forgotten(id);
   });
   return arrays;

@@ -12,10 +12,10 @@ namespace {
 
 constexpr std::size_t kPiece = 1 << 20;  // bytes; as specified by the contract
 
-// Returns the next piece of `all`, of which `told` bytes were sent.
-std::string next_piece(const std::string& all, std::size_t& told, std::size_t most) {
-  std::string piece = all.substr(told, most);
-  told += piece.size();
+// Returns the next piece of `all`, of which `reported` bytes were sent.
+std::string next_piece(const std::string& all, std::size_t& reported, std::size_t most) {
+  std::string piece = all.substr(reported, most);
+  reported += piece.size();
   return piece;
 }
 

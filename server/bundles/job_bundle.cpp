@@ -42,7 +42,7 @@ void gather_bundle(const ServiceParts& parts, const Identity& caller, const std:
   const auto counted = counted_bundle(parts, caller.client);
   if (!counted) return then(unexpected(counted.error()));
   const std::shared_ptr<Bundle> bundle = *counted;
-  tell_build(&bundle->facts);
+  report_build(&bundle->facts);
   const auto record = parts.board.find(id);
   v1::GetJobResponse* job = bundle->facts.mutable_job();
   if (record != nullptr) {

@@ -71,13 +71,13 @@ JobsService::JobsService(const ServiceParts& parts) : parts_(parts) {
 
 grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* context,
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
-  const auto told = [&](const Origin& origin, const Error& error) {
+  const auto reported = [&](const Origin& origin, const Error& error) {
     note_refusal(parts_, origin, error);
     return unexpected(error);
   };
   const auto who = [&](Origin& origin) -> Expected<Caller> {
     auto caller = caller_of(parts_, *context, origin, Role::solve);
-    if (!caller) return told(origin, caller.error());
+    if (!caller) return reported(origin, caller.error());
     caller->deadline = Clock::time_point::max();  // the call's deadline is not the job's
     return caller;
   };
@@ -87,7 +87,7 @@ grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* conte
     message->Swap(&parsed);
     origin.request_id = message->request_id();
     auto submitted = parts_.submissions->submit(caller, message, out);
-    if (!submitted) return told(origin, submitted.error());
+    if (!submitted) return reported(origin, submitted.error());
     if (!*submitted) return submitted;
     return [this, origin, wait = std::move(*submitted)](const Settled& settled) {
       wait([this, origin, settled](const Expected<void>& ended) {

@@ -59,7 +59,7 @@ Expected<void> SolveStreamCall::admit(const grpc::ByteBuffer* bytes,
 void SolveStreamCall::moved(const QueuePlace& place) {
   {
     const MutexLock lock(mutex_);
-    if (started_ || !accepted_ || place.position == told_place_.position) return;
+    if (started_ || !accepted_ || place.position == reported_place_.position) return;
     place_ = place;
   }
   go_on();
@@ -103,14 +103,14 @@ void SolveStreamCall::pulse(Clock::time_point /*now*/) { go_on(); }
 bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
   if (!admitted_) return false;
   if (place_) {
-    told_place_ = *std::exchange(place_, std::nullopt);
+    reported_place_ = *std::exchange(place_, std::nullopt);
     if (accepted_) {
-      event->mutable_queued()->set_queue_position(told_place_.position);
-      event->mutable_queued()->set_estimated_wait_s(told_place_.estimated_wait_s);
+      event->mutable_queued()->set_queue_position(reported_place_.position);
+      event->mutable_queued()->set_estimated_wait_s(reported_place_.estimated_wait_s);
     } else {
       event->mutable_accepted()->set_job_id(job_->record->id());
-      event->mutable_accepted()->set_queue_position(told_place_.position);
-      event->mutable_accepted()->set_estimated_wait_s(told_place_.estimated_wait_s);
+      event->mutable_accepted()->set_queue_position(reported_place_.position);
+      event->mutable_accepted()->set_estimated_wait_s(reported_place_.estimated_wait_s);
       accepted_ = true;
     }
     return true;
@@ -120,9 +120,9 @@ bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
     return true;
   }
   if (levels_.empty()) {
-    const auto levels = job_->record->levels_from(told_levels_);
+    const auto levels = job_->record->levels_from(reported_levels_);
     levels_.assign(levels.begin(), levels.end());
-    told_levels_ += levels.size();
+    reported_levels_ += levels.size();
   }
   if (!levels_.empty()) {
     to_message(levels_.front(), event->mutable_level());
@@ -147,8 +147,8 @@ bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
 
 std::optional<grpc::Status> SolveStreamCall::ending() {
   if (!admitted_ || !over_) return std::nullopt;
-  const bool untold = outcome_ && !outcome_->solution;  // the client no longer reads
-  return untold ? to_status(outcome_->solution.error(), outcome_->retry_delay_s) : status_;
+  const bool unreported = outcome_ && !outcome_->solution;  // the client no longer reads
+  return unreported ? to_status(outcome_->solution.error(), outcome_->retry_delay_s) : status_;
 }
 
 }  // namespace marble::server

@@ -58,11 +58,11 @@ Expected<void> check_rows(const Config& config, const CoupledView& view) {
 }
 
 // The parts that differ between blocks and segments: the solve, and what is reported of it.
-using Told = std::function<void(v1::CoupledOutcome*)>;
-using Work = std::function<Expected<Solution>(const CoupledControls&, Told&)>;
+using Reported = std::function<void(v1::CoupledOutcome*)>;
+using Work = std::function<Expected<Solution>(const CoupledControls&, Reported&)>;
 
 Work blocks_work(const v1::SolveRequest& request, const CoupledOptions& settings) {
-  return [&request, settings](const CoupledControls& given, Told& told) -> Expected<Solution> {
+  return [&request, settings](const CoupledControls& given, Reported& reported) -> Expected<Solution> {
     const CoupledView view = coupled_of(request.coupled());
     const CoupledStart start{{request.coupled().prices().begin(), request.coupled().prices().end()}, {}};
     CoupledControls controls = given;
@@ -70,8 +70,8 @@ Work blocks_work(const v1::SolveRequest& request, const CoupledOptions& settings
     auto solved = solve_coupled(view, settings, controls);
     if (!solved) return unexpected(as_in_message(solved.error()));
     solved->coordination.answers.clear();
-    told = [coordination = std::move(solved->coordination), objective = solved->blocks_objective](
-               v1::CoupledOutcome* outcome) { to_message(coordination, objective, outcome); };
+    reported = [coordination = std::move(solved->coordination), objective = solved->blocks_objective](
+                   v1::CoupledOutcome* outcome) { to_message(coordination, objective, outcome); };
     return std::move(solved->joint);
   };
 }
@@ -80,7 +80,7 @@ Expected<Work> pieces_work(const Config& config, const v1::SolveRequest& request
                            const CoupledOptions& settings) {
   const v1::Pieces& pieces = request.coupled().pieces();
   PiecesOptions options{.coupled = settings, .pieces = pieces.pieces()};
-  if (pieces.has_look_ahead()) options.look_ahead = pieces.look_ahead();
+  if (pieces.has_overlap()) options.overlap = pieces.overlap();
   if (request.coupled().total_size() > 0 || request.coupled().prices_size() > 0)
     return unexpected(invalid("coupled.pieces", "must be alone: total and prices are of blocks"));
   if (auto fits = check_count(config, options.pieces, "coupled.pieces.pieces", " pieces"); !fits)
@@ -96,15 +96,15 @@ Expected<Work> pieces_work(const Config& config, const v1::SolveRequest& request
   if (auto dealt = pieces_by_stage(stages, options.pieces); !dealt)
     return unexpected(as_in_message(dealt.error()));
   return [problem = *problem, stages, options](const CoupledControls& controls,
-                                               Told& told) -> Expected<Solution> {
+                                               Reported& reported) -> Expected<Solution> {
     auto solved = solve_in_pieces(problem, stages, options, controls);
     if (!solved) return unexpected(as_in_message(solved.error()));
     Solution whole = std::move(solved->whole);
     solved->coordination.answers.clear();
-    told = [pieces_told = *std::move(solved)](v1::CoupledOutcome* outcome) {
-      to_message(pieces_told.coordination, pieces_told.blocks_objective, outcome);
-      outcome->set_sweep_objective(pieces_told.sweep_objective);
-      outcome->set_sweep_factorizations(pieces_told.sweep_factorizations);
+    reported = [pieces_reported = *std::move(solved)](v1::CoupledOutcome* outcome) {
+      to_message(pieces_reported.coordination, pieces_reported.blocks_objective, outcome);
+      outcome->set_sweep_objective(pieces_reported.sweep_objective);
+      outcome->set_sweep_factorizations(pieces_reported.sweep_factorizations);
     };
     return whole;
   };
@@ -163,14 +163,14 @@ Expected<void> set_coupled_work(const Config& config, std::shared_ptr<const v1::
     if (!made) return unexpected(made.error());
     work = *std::move(made);
   }
-  const auto told = std::make_shared<Told>();
-  job.also = [told](v1::Solution* solution) {
-    if (*told) (*told)(solution->mutable_coupled());
+  const auto reported = std::make_shared<Reported>();
+  job.also = [reported](v1::Solution* solution) {
+    if (*reported) (*reported)(solution->mutable_coupled());
   };
   const SetupControls limits{.most_bytes = config.solve_bytes, .most_factorization_s = config.solve_seconds};
   // The work borrows its parts of the request.
   job.work = [request = std::move(request), work = std::move(work), limits,
-              told](const SolveControls& given) -> Expected<Solution> {
+              reported](const SolveControls& given) -> Expected<Solution> {
     CoupledControls controls{.stop = given.stop,
                              .runner = given.runner,
                              .setup = limits,
@@ -183,7 +183,7 @@ Expected<void> set_coupled_work(const Config& config, std::shared_ptr<const v1::
         given.progress->report(row_of(iteration, past.count()));
       };
     }
-    return work(controls, *told);
+    return work(controls, *reported);
   };
   return {};
 }

@@ -23,7 +23,7 @@ Error named(Error error) {
 // Number of levels up to `most` scenarios, or one more than a job may have.
 int levels_of(const ScenarioSettings& settings, std::int64_t most) {
   int levels = 1;
-  double size = static_cast<double>(settings.first_scenarios);
+  double size = static_cast<double>(settings.initial_sample_size);
   while (size < static_cast<double>(most) && levels <= contract::most_levels) {
     size = std::max(size * settings.growth, std::ceil(size) + 1.0);
     ++levels;
@@ -33,14 +33,14 @@ int levels_of(const ScenarioSettings& settings, std::int64_t most) {
 
 Expected<void> check_size(const Config& config, const ScenarioProblem& problem,
                           const ScenarioSettings& settings) {
-  if (settings.most_scenarios > config.scenarios ||
-      settings.fresh_scenarios > config.scenarios - settings.most_scenarios)
-    return unexpected(failure(ErrorCode::resource_exhausted, "most_scenarios",
-                              std::to_string(settings.most_scenarios) + " and " +
-                                  std::to_string(settings.fresh_scenarios) + " fresh ones",
+  if (settings.max_sample_size > config.scenarios ||
+      settings.out_of_sample_scenarios > config.scenarios - settings.max_sample_size)
+    return unexpected(failure(ErrorCode::resource_exhausted, "max_sample_size",
+                              std::to_string(settings.max_sample_size) + " and " +
+                                  std::to_string(settings.out_of_sample_scenarios) + " fresh ones",
                               "must be at most " + std::to_string(config.scenarios) +
                                   " together (the server's limit \"scenarios\")"));
-  const std::int64_t most = std::min(settings.most_scenarios, problem.scenarios);
+  const std::int64_t most = std::min(settings.max_sample_size, problem.scenarios);
   if (levels_of(settings, most) > contract::most_levels)
     return unexpected(invalid(
         "growth", std::to_string(settings.growth),
@@ -57,10 +57,10 @@ Expected<void> set_scenario_work(const Config& config, std::shared_ptr<const v1:
   if (request->initial_point().z_size() > 0) return unexpected(invalid("initial_point.z", alone));
   if (request->has_warm_start()) return unexpected(invalid("warm_start", alone));
   if (request->has_sensitivity())
-    return unexpected(invalid("sensitivity", "must be absent: a plan for many worlds has none"));
+    return unexpected(invalid("sensitivity", "must be absent: a plan for many scenarios has none"));
   ScenarioProblem problem;
   problem.base = view_of(request->problem());
-  if (auto taken = take_worlds(message, problem); !taken) return unexpected(named(taken.error()));
+  if (auto taken = take_scenarios(message, problem); !taken) return unexpected(named(taken.error()));
   ScenarioSettings settings{.options = options};
   take_settings(message, settings);
   if (auto valid = check_scenarios(problem, settings); !valid) return unexpected(named(valid.error()));

@@ -77,10 +77,10 @@ void check_addresses(const Config& config, Faults& faults) {
             "is reachable from other machines and connections are not encrypted; give tls_certificate and "
             "tls_key, or add --insecure if that is what you want");
     }
-    if (!knows_callers(config) && !config.anyone) {
+    if (!knows_callers(config) && !config.allow_anonymous) {
       fault(field, address,
             "is reachable from other machines and every caller has every role; give tokens or tls_client_ca, "
-            "or add --anyone if that is what you want");
+            "or add --allow-anonymous if that is what you want");
     }
   };
   if (config.listen.empty()) fault("listen", "", "must have an address");

@@ -87,11 +87,11 @@ void FleetMirror::look(const std::string& id, Settled then) {
       return;
     }
   }
-  tell({id, std::move(then)}, well);
+  report({id, std::move(then)}, well);
 }
 
 // A known job is reported in any state, even an old one; an unknown one must not be reported as gone.
-void FleetMirror::tell(const Look& look, const Expected<void>& looked) const {
+void FleetMirror::report(const Look& look, const Expected<void>& looked) const {
   const bool known =
       look.id.empty() || !parts_.results.owner(look.id).empty() || parts_.board.find(look.id) != nullptr;
   look.then(known ? Expected<void>() : looked);
@@ -158,14 +158,14 @@ void FleetMirror::run() {
     return closing_;
   };
   while (true) {
-    Expected<bool> told = false;
+    Expected<bool> reported = false;
     if (database_ && database_->is_open()) {
-      told = database_->wait(bell_.get(), parts_.feeds.open() > 0 ? kWatched : kQuiet);
+      reported = database_->wait(bell_.get(), parts_.feeds.open() > 0 ? kWatched : kQuiet);
     }
     const Asked asked = take();
-    Expected<void> done = told ? attempt(asked) : unexpected(told.error());
+    Expected<void> done = reported ? attempt(asked) : unexpected(reported.error());
     set_well(done);
-    for (const Look& look : asked.looks) tell(look, done);
+    for (const Look& look : asked.looks) report(look, done);
     for (const Recall& recall : asked.recalls) {
       auto both = done ? read_both(recall.id) : unexpected(done.error());
       recall.then(std::move(both));
@@ -179,7 +179,7 @@ void FleetMirror::run() {
   }
   // Requests that arrived between the last round and now.
   const Asked late = take();
-  for (const Look& look : late.looks) tell(look, {});
+  for (const Look& look : late.looks) report(look, {});
   for (const Recall& recall : late.recalls) recall.then(unexpected(draining()));
 }
 
@@ -288,14 +288,14 @@ void FleetMirror::apply(const PgRows& rows, int row) {
 
 // Shows a job of another server on the board.
 void FleetMirror::show(const std::string& id, Known& known, const PgRows& rows, int row, bool is_new) {
-  const std::string_view told = rows.bytes(row, 8);
+  const std::string_view reported = rows.bytes(row, 8);
   auto record = parts_.board.find(id);
   if (record != nullptr && record->is_finished()) {
     if (known.state != FleetState::answered) return;  // ended on this server; the store does not have it yet
     known.is_whole = known.is_whole || is_new || !record->trace().rows.empty();
   }
   // Of jobs with a result, only the newest come with it.
-  if ((told.empty() && known.state == FleetState::answered) || known.is_whole) return;
+  if ((reported.empty() && known.state == FleetState::answered) || known.is_whole) return;
   if (record == nullptr) {
     if (!is_new && known.state == FleetState::answered) return;  // the board has dropped it
     const StoredJob stored{.id = id,
@@ -303,7 +303,7 @@ void FleetMirror::show(const std::string& id, Known& known, const PgRows& rows, 
                            .peer = std::string(rows.bytes(row, 3)),
                            .priority = rows.integer(row, 4),
                            .accepted_unix_s = rows.real(row, 10)};
-    record = parts_.board.make(description_of(stored, told), Options());
+    record = parts_.board.make(description_of(stored, reported), Options());
     parts_.board.add(record);
   }
   JobSnapshot snapshot = snapshot_in(rows, row, 8, known.state);
@@ -375,13 +375,13 @@ Expected<void> FleetMirror::read_live() {
     v1::JobEvent event;
     const std::string_view bytes = rows->bytes(row, 4);
     event.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
-    std::vector<Progress> told;
+    std::vector<Progress> reported;
     for (std::int64_t at = first; const v1::Progress& progress : event.rows()) {
-      if (at++ >= seen) told.push_back(progress_of(progress));
+      if (at++ >= seen) reported.push_back(progress_of(progress));
     }
     owner_.unless_here(id, [&] {
       if (record->is_watched())
-        record->follow(seen < 0 ? first : std::max<std::int64_t>(0, first - seen), told);
+        record->follow(seen < 0 ? first : std::max<std::int64_t>(0, first - seen), reported);
       JobSnapshot snapshot = snapshot_in(*rows, row, 3, FleetState::running);
       snapshot.server = record->snapshot().server;
       record->restore(std::move(snapshot), {});

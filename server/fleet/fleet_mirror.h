@@ -94,7 +94,7 @@ class FleetMirror {
   void run() ABSL_LOCKS_EXCLUDED(mutex_);
   void ring() const;
   [[nodiscard]] Asked take() ABSL_LOCKS_EXCLUDED(mutex_);
-  void tell(const Look& look, const Expected<void>& looked) const;
+  void report(const Look& look, const Expected<void>& looked) const;
   void set_well(const Expected<void>& done) ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Expected<void> attempt(const Asked& asked);
   [[nodiscard]] Expected<void> connect();

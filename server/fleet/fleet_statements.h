@@ -14,11 +14,12 @@ inline constexpr const char* kRelease =
     " changed = pg_current_xact_id() WHERE id = $1 AND token = $2 AND state = 1 RETURNING number)"
     " DELETE FROM marble_live l USING back WHERE l.number = back.number";
 inline constexpr const char* kCancel =
-    "WITH told AS (UPDATE marble_jobs SET cancelled = true, changed = pg_current_xact_id(),"
+    "WITH reported AS (UPDATE marble_jobs SET cancelled = true, changed = pg_current_xact_id(),"
     " state = CASE state WHEN 0 THEN 2 ELSE state END,"
     " ended = CASE state WHEN 0 THEN clock_timestamp() ELSE ended END,"
     " info = CASE state WHEN 0 THEN $2 ELSE info END WHERE id = $1 AND state < 2 RETURNING number, state)"
-    " INSERT INTO marble_answers SELECT number, ''::bytea, $3::bytea, $4::bytea FROM told WHERE state = 2";
+    " INSERT INTO marble_answers SELECT number, ''::bytea, $3::bytea, $4::bytea FROM reported WHERE state = "
+    "2";
 inline constexpr const char* kForget =
     "WITH gone AS (UPDATE marble_jobs SET state = 3, cancelled = true, ended = clock_timestamp(),"
     " changed = pg_current_xact_id() WHERE id = $1 AND state < 3 RETURNING number),"

@@ -16,7 +16,7 @@ namespace {
 using Seconds = std::chrono::seconds;
 
 constexpr std::chrono::milliseconds kTick{250};
-constexpr Seconds kJanitor{2};
+constexpr Seconds kGarbageCollector{2};
 constexpr int kTries = 5;                   // attempts of a transaction that conflicted with another
 constexpr std::int64_t kAnswerBytes = 512;  // memory of a result besides its message
 constexpr double kOldest = 4e9;             // limit on a job's age in seconds: clocks count no further
@@ -61,7 +61,7 @@ FleetStore::FleetStore(std::string uri, std::string server, const FleetLimits& l
       limits_(limits),
       log_(log),
       taker_(taker),
-      passed_over_(limits.queue.passed_over, limits.queue.passed_over_time),
+      starvation_limit_(limits.queue.starvation_limit, limits.queue.starvation_time),
       changes_(
           log, [this](std::vector<Change>& changes) { return write(changes); }, kTick) {}
 
@@ -113,7 +113,8 @@ Expected<void> FleetStore::connect() {
 Expected<void> FleetStore::write(std::vector<Change>& changes) {
   if (auto connected = connect(); !connected) return connected;
   const auto now = std::chrono::steady_clock::now();
-  const Due due{.second = now - second_ >= Seconds(1), .janitor = now - janitor_ >= kJanitor};
+  const Due due{.second = now - second_ >= Seconds(1),
+                .garbage_collector = now - garbage_collector_ >= kGarbageCollector};
   Expected<void> written;
   for (int i = 0; i < kTries; ++i) {
     try {
@@ -127,7 +128,7 @@ Expected<void> FleetStore::write(std::vector<Change>& changes) {
     if (!collided(database_->state())) break;
   }
   if (written && due.second) second_ = now;
-  if (written && due.janitor) janitor_ = now;
+  if (written && due.garbage_collector) garbage_collector_ = now;
   return written;
 }
 
@@ -175,11 +176,11 @@ Expected<void> FleetStore::write_once(std::vector<Change>& changes, const Due& d
   if (adds) first.emplace_back("SELECT pg_advisory_xact_lock(hashtext('marble_jobs'))");
   const auto begun = database_->run(first);
   if (!begun) return unexpected(begun.error());
-  bool tells = !changes.empty();
+  bool reports = !changes.empty();
   if (takes_over) {
     const PgRows& late = (*begun)[first.size() - (adds ? 2 : 1)];
     for (int row = 0; row < late.size(); ++row) {
-      tells = true;
+      reports = true;
       log_.warn(Component::server, "job_taken_over",
                 {{"job", std::string(late.bytes(row, 0))}, {"from", std::string(late.bytes(row, 1))}});
     }
@@ -195,18 +196,18 @@ Expected<void> FleetStore::write_once(std::vector<Change>& changes, const Due& d
       auto took = take(*now, room);
       if (!took) return unexpected(took.error());
       taken = std::move(*took);
-      tells = tells || !taken.empty();
+      reports = reports || !taken.empty();
     }
   }
-  if (due.janitor) {
+  if (due.garbage_collector) {
     if (auto cleaned = clean(); !cleaned) return cleaned;
   }
   std::vector<PgStatement> last;
-  if (tells) last.emplace_back(kFleetNotify);
+  if (reports) last.emplace_back(kFleetNotify);
   last.emplace_back("COMMIT");
-  if (tells) fault_point("before_commit");
+  if (reports) fault_point("before_commit");
   if (auto ended = database_->run(last); !ended) return unexpected(ended.error());
-  if (tells) fault_point("after_commit");
+  if (reports) fault_point("after_commit");
   if (!taken.empty()) taker_.took(std::move(taken));
   return {};
 }
@@ -376,7 +377,7 @@ Expected<std::vector<TakenJob>> FleetStore::take(const Lines& lines, FleetTaker:
       });
       has[at] = next[at] != able[at].end();
     }
-    const std::size_t at = passed_over_.choose(has, now);
+    const std::size_t at = starvation_limit_.choose(has, now);
     if (at == kPriorities) break;
     --next[at]->waiting;
     ++running[next[at]->client];

@@ -92,7 +92,7 @@ class FleetStore {
   void finish(StoredResult result, const std::string& token, Settled settled);
   /// The job waits again, for any server.
   void release(const std::string& id, const std::string& token);
-  /// Gives a waiting job this result, and tells the server of a running one to end it.
+  /// Gives a waiting job this result, and asks the server of a running one to end it.
   void cancel(StoredResult if_waiting, Settled settled);
   void forget(const std::string& id, Settled settled);
 
@@ -127,7 +127,7 @@ class FleetStore {
   };
   using Lines = std::vector<Line>;
   struct Due {
-    bool second = false, janitor = false;
+    bool second = false, garbage_collector = false;
   };
 
   [[nodiscard]] Expected<void> write(std::vector<Change>& changes);
@@ -145,8 +145,8 @@ class FleetStore {
   const Log& log_;
   FleetTaker& taker_;
   std::optional<Postgres> database_;  // used by the writer's thread, like all down to bytes_
-  std::chrono::steady_clock::time_point connected_ = {}, second_ = {}, janitor_ = {};
-  PassedOver passed_over_;
+  std::chrono::steady_clock::time_point connected_ = {}, second_ = {}, garbage_collector_ = {};
+  StarvationLimit starvation_limit_;
   std::int64_t takes_ = 0;
   std::atomic<std::int64_t> bytes_ = 0;
   std::atomic<bool> looks_ = true;

@@ -147,7 +147,8 @@ Expected<Afterwards> FleetSubmissions::cancel(const Identity& caller, const std:
   if (!record) return unexpected(record.error());
   if (!may_end(caller, (*record)->description().client)) return unexpected(not_to_end(id));
   if ((*record)->description().kind != JobKind::submitted || (*record)->is_finished()) {
-    if (auto told = cancel_job(parts_.board, caller, id, response); !told) return unexpected(told.error());
+    if (auto reported = cancel_job(parts_.board, caller, id, response); !reported)
+      return unexpected(reported.error());
     return Afterwards();
   }
   // The result if the job still waits: no server runs it, so none writes one.

@@ -19,9 +19,12 @@ void add_health_routes(Router& router, const ServiceParts& parts, const std::vec
     // Without the store, no server is better off than another: sending calls to none of them would only stop
     // what works without it.
     const auto well = parts.submissions->health();
-    const std::string told =
+    const std::string reported =
         well ? "ready\n" : "ready, but no job can be submitted: " + well.error().bound + "\n";
-    response.set_content(ready ? told : leaving ? "draining\n" : "the gRPC port does not answer\n", kText);
+    response.set_content(ready     ? reported
+                         : leaving ? "draining\n"
+                                   : "the gRPC port does not answer\n",
+                         kText);
   });
 }
 

@@ -34,7 +34,7 @@ std::size_t longest_body(const Config& config, const httplib::Request& request) 
   return submits ? static_cast<std::size_t>(config.http_body_bytes) : http::BoundedServer::kOrdinaryBody;
 }
 
-void tell_too_long(const Config& config, const httplib::Request& request, httplib::Response& response) {
+void report_too_long(const Config& config, const httplib::Request& request, httplib::Response& response) {
   http::reply_error(response,
                     invalid("body", request.get_header_value("Content-Length") + " bytes",
                             "must have at most " + std::to_string(longest_body(config, request)) + " bytes"));
@@ -51,9 +51,9 @@ std::unique_ptr<http::TlsSessions> tls_of(const ServiceParts& parts, const std::
 }
 
 // For requests that httplib refuses by itself.
-void tell_fault(const http::Router& router, const httplib::Request& request, httplib::Response& response) {
-  const auto tell = [&](ErrorCode code, const char* field, const std::string& value,
-                        const std::string& bound) {
+void report_fault(const http::Router& router, const httplib::Request& request, httplib::Response& response) {
+  const auto report = [&](ErrorCode code, const char* field, const std::string& value,
+                          const std::string& bound) {
     const int status = response.status;
     http::reply_error(response, {code, field, -1, value, bound});
     response.status = status;
@@ -62,14 +62,14 @@ void tell_fault(const http::Router& router, const httplib::Request& request, htt
   if (!methods.empty()) {
     response.status = 405;
     response.set_header("Allow", methods);
-    tell(ErrorCode::invalid_argument, "method", request.method, "must be one of " + methods);
+    report(ErrorCode::invalid_argument, "method", request.method, "must be one of " + methods);
   } else if (response.status == 404) {
-    tell(ErrorCode::not_found, "path", request.path, "is nothing that is here");
+    report(ErrorCode::not_found, "path", request.path, "is nothing that is here");
   } else if (response.status == 414) {
-    tell(ErrorCode::invalid_argument, "path", "",
-         "must have at most " + std::to_string(CPPHTTPLIB_REQUEST_URI_MAX_LENGTH) + " bytes");
+    report(ErrorCode::invalid_argument, "path", "",
+           "must have at most " + std::to_string(CPPHTTPLIB_REQUEST_URI_MAX_LENGTH) + " bytes");
   } else {
-    tell(ErrorCode::invalid_argument, "", "", "the request is no HTTP, too long or too slow");
+    report(ErrorCode::invalid_argument, "", "", "the request is no HTTP, too long or too slow");
   }
 }
 
@@ -115,7 +115,7 @@ void HttpServer::set_handlers(bool on_loopback) {
         if (!allowed) http::refuse(parts_.log, request, allowed.error(), response);
         if (!allowed) return Handled::Handled;
         if (!server_->is_too_long(request)) return Handled::Unhandled;
-        tell_too_long(parts_.config, request, response);
+        report_too_long(parts_.config, request, response);
         return Handled::Handled;
       });
   server_->set_post_routing_handler([](const httplib::Request&, httplib::Response& response) {
@@ -126,7 +126,7 @@ void HttpServer::set_handlers(bool on_loopback) {
         http::reply_error(response, failure(ErrorCode::internal, "the request failed in the server"));
       });
   server_->set_error_handler([this](const httplib::Request& request, httplib::Response& response) {
-    if (response.body.empty()) tell_fault(*router_, request, response);
+    if (response.body.empty()) report_fault(*router_, request, response);
   });
 }
 

@@ -62,7 +62,7 @@ void add_page_routes(Router& router) {
 
 void add_recent_routes(Router& router, const ServiceParts& parts,
                        std::shared_ptr<const ServerHistory> history) {
-  const auto tell = [&](const char* path, std::function<std::string(const Identity&)> text) {
+  const auto report = [&](const char* path, std::function<std::string(const Identity&)> text) {
     router.get(path,
                endpoint(parts,
                         [text = std::move(text)](const httplib::Request& request, const Identity& caller,
@@ -72,9 +72,9 @@ void add_recent_routes(Router& router, const ServiceParts& parts,
                           return {};
                         }));
   };
-  tell("/api/history",
-       [history = std::move(history)](const Identity&) { return history_json(history->points()); });
-  tell("/api/clients", [&parts](const Identity& caller) { return clients_for(parts, caller); });
+  report("/api/history",
+         [history = std::move(history)](const Identity&) { return history_json(history->points()); });
+  report("/api/clients", [&parts](const Identity& caller) { return clients_for(parts, caller); });
 }
 
 // The objects that it reads outlive the timer, which may still use it after everything else has ended.

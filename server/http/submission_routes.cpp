@@ -156,14 +156,15 @@ Error deleted(const std::string& id) {
 // unavailable (the server shuts down).
 Expected<ResultStore::Shared> wait_for_answer(const ServiceParts& parts, const std::string& id,
                                               Clock::time_point until) {
-  const auto told = std::make_shared<std::promise<ResultStore::Shared>>();
-  auto answer = told->get_future();
-  parts.results.wait(id, told.get(), [told](const ResultStore::Shared& result) { told->set_value(result); });
+  const auto reported = std::make_shared<std::promise<ResultStore::Shared>>();
+  auto answer = reported->get_future();
+  parts.results.wait(id, reported.get(),
+                     [reported](const ResultStore::Shared& result) { reported->set_value(result); });
   while (answer.wait_for(std::min<Clock::duration>(kLook, until - Clock::now())) !=
          std::future_status::ready) {
     const bool ends = parts.scheduler.is_drained() && parts.submissions->is_settled();
     if (!ends && Clock::now() < until) continue;
-    parts.results.stop_waiting(id, told.get());
+    parts.results.stop_waiting(id, reported.get());
     if (answer.wait_for(std::chrono::seconds(0)) == std::future_status::ready) break;
     return ends ? Expected<ResultStore::Shared>(unexpected(draining())) : ResultStore::Shared();
   }

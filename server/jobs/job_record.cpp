@@ -76,12 +76,12 @@ std::vector<ScenarioLevel> JobRecord::levels_from(std::size_t first) const {
   return {levels.begin() + static_cast<std::ptrdiff_t>(std::min(first, levels.size())), levels.end()};
 }
 
-template <class Told>
-void JobRecord::take_tree(const Told& told) {
-  snapshot_.bound = told.bound;
-  snapshot_.gap = told.gap;
-  snapshot_.nodes = told.nodes;
-  snapshot_.open_nodes = told.open_nodes;
+template <class Reported>
+void JobRecord::take_tree(const Reported& reported) {
+  snapshot_.bound = reported.bound;
+  snapshot_.gap = reported.gap;
+  snapshot_.nodes = reported.nodes;
+  snapshot_.open_nodes = reported.open_nodes;
 }
 
 void JobRecord::take(const Solution& solution) {

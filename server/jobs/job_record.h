@@ -156,8 +156,8 @@ class JobRecord final : public ProgressSink {
 
  private:
   void take(const Solution& solution) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  template <class Told>
-  void take_tree(const Told& told) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  template <class Reported>
+  void take_tree(const Reported& reported) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void end() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void changed() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 

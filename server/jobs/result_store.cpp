@@ -43,8 +43,8 @@ bool ResultStore::grow(const std::string& id, std::int64_t bytes) {
     without_request = make_room_for_answers();
     drop_oldest(erased);
   }
-  tell(request_forgotten_, without_request);
-  tell_all(erased);
+  report(request_forgotten_, without_request);
+  report_all(erased);
   return true;
 }
 
@@ -105,8 +105,8 @@ bool ResultStore::put(const std::string& id, Result result, Clock::time_point no
     without_request = make_room_for_answers();
     drop_oldest(erased);
   }
-  tell(request_forgotten_, without_request);
-  tell_all(erased);
+  report(request_forgotten_, without_request);
+  report_all(erased);
   for (const auto& [waiter, callback] : waiters) callback(shared);
   return kept;
 }
@@ -197,7 +197,7 @@ bool ResultStore::forget(const std::string& id) {
     waiters = std::exchange(found->second.waiters, {});
     erase(id);
   }
-  tell_all({id});
+  report_all({id});
   for (const auto& [waiter, callback] : waiters) callback(nullptr);
   return true;
 }
@@ -226,26 +226,26 @@ void ResultStore::expire(Clock::time_point now) {
       erase(erased.back());
     }
   }
-  tell_all(erased);
+  report_all(erased);
 }
 
-void ResultStore::tell_forgotten(Forgotten also) {
+void ResultStore::report_forgotten(Forgotten also) {
   const MutexLock lock(mutex_);
   also_forgotten_ = std::move(also);
 }
 
-void ResultStore::tell_all(const std::vector<std::string>& forgotten) const {
+void ResultStore::report_all(const std::vector<std::string>& forgotten) const {
   if (forgotten.empty()) return;
   Forgotten also;
   {
     const MutexLock lock(mutex_);
     also = also_forgotten_;
   }
-  tell(forgotten_, forgotten);
-  tell(also, forgotten);
+  report(forgotten_, forgotten);
+  report(also, forgotten);
 }
 
-void ResultStore::tell(const Forgotten& forgotten, const std::vector<std::string>& ids) {
+void ResultStore::report(const Forgotten& forgotten, const std::vector<std::string>& ids) {
   if (!forgotten) return;
   for (const std::string& id : ids) forgotten(id);
 }

@@ -41,7 +41,7 @@ class ResultStore {
       : limits_(limits), forgotten_(std::move(forgotten)), request_forgotten_(std::move(request_forgotten)) {}
 
   /// Adds a callback for each result that is dropped, like the first.
-  void tell_forgotten(Forgotten also) ABSL_LOCKS_EXCLUDED(mutex_);
+  void report_forgotten(Forgotten also) ABSL_LOCKS_EXCLUDED(mutex_);
 
   /// Fetches a result that another server keeps, to be passed to deliver().
   using Fetch = std::function<void(const std::string& id)>;
@@ -118,8 +118,8 @@ class ResultStore {
   void drop_request(Entry& entry) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void drop_oldest(std::vector<std::string>& erased) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] std::vector<std::string> make_room_for_answers() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  static void tell(const Forgotten& forgotten, const std::vector<std::string>& ids);
-  void tell_all(const std::vector<std::string>& forgotten) const ABSL_LOCKS_EXCLUDED(mutex_);
+  static void report(const Forgotten& forgotten, const std::vector<std::string>& ids);
+  void report_all(const std::vector<std::string>& forgotten) const ABSL_LOCKS_EXCLUDED(mutex_);
 
   const ResultLimits limits_;
   const Forgotten forgotten_, request_forgotten_;

@@ -78,7 +78,7 @@ void Log::write(const Line& line, const Fields& fields) const {
     append(text, line.suppressed);
   }
   const MutexLock lock(mutex_);
-  const std::int64_t dropped = writer_.backlog().untold;
+  const std::int64_t dropped = writer_.backlog().unreported;
   if (dropped > 0) {
     begin("dropped");
     append(text, dropped);
@@ -88,15 +88,15 @@ void Log::write(const Line& line, const Fields& fields) const {
   writer_.put({formatted_.data(), formatted_.size()}, dropped);
 }
 
-void Log::tell_suppressed(LogLimit::Time now) {
+void Log::report_suppressed(LogLimit::Time now) {
   const LogWriter::Backlog backlog = writer_.backlog();
-  if (backlog.untold > 0 && !backlog.stalls) warn(Component::server, "dropped", {});
-  tell(limit_.take_quiet(now));
+  if (backlog.unreported > 0 && !backlog.stalls) warn(Component::server, "dropped", {});
+  report(limit_.take_quiet(now));
 }
 
-void Log::tell_all_suppressed() { tell(limit_.take_all()); }
+void Log::report_all_suppressed() { report(limit_.take_all()); }
 
-void Log::tell(const std::vector<LogLimit::Suppressed>& all) const {
+void Log::report(const std::vector<LogLimit::Suppressed>& all) const {
   for (const LogLimit::Suppressed& one : all) {
     Fields fields = {{"of", std::string(one.event.name)}};
     if (!one.client.empty()) fields.push_back({"client", one.client});

@@ -68,14 +68,14 @@ class Log {
 
   /// Logs how many lines the reader has missed, once it keeps up, and how many were suppressed for clients
   /// that are idle now; at the end, for all.
-  void tell_suppressed(LogLimit::Time now);
-  void tell_all_suppressed();
+  void report_suppressed(LogLimit::Time now);
+  void report_all_suppressed();
 
  private:
   void write_if(const LogEvent& event, const Fields& fields) const {
     if (const auto passing = line(event)) write(*passing, fields);
   }
-  void tell(const std::vector<LogLimit::Suppressed>& all) const;
+  void report(const std::vector<LogLimit::Suppressed>& all) const;
 
   const bool json_;
   std::array<std::atomic<LogLevel>, kComponentNames.size()> levels_;

@@ -21,7 +21,7 @@ std::string trimmed(const std::string& text) {
   return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(' ') - begin + 1);
 }
 
-Expected<void> set_one(const std::string& part, std::set<std::string>& told, LogLevels& levels) {
+Expected<void> set_one(const std::string& part, std::set<std::string>& reported, LogLevels& levels) {
   const auto refused = [](const std::string& value, std::string bound) {
     return unexpected(invalid("log_levels", value, std::move(bound)));
   };
@@ -33,7 +33,7 @@ Expected<void> set_one(const std::string& part, std::set<std::string>& told, Log
   if (component == kComponentNames.end()) return refused(name, one_of(kComponentNames));
   if (std::find(kLevelNames.begin(), kLevelNames.end(), level) == kLevelNames.end())
     return refused(name + "=" + level, one_of(kLevelNames));
-  if (!told.insert(name).second) return refused(name, "must be told once");
+  if (!reported.insert(name).second) return refused(name, "must be given once");
   levels[static_cast<std::size_t>(component - kComponentNames.begin())] = spdlog::level::from_str(level);
   return {};
 }
@@ -44,12 +44,12 @@ Expected<LogLevels> log_levels_of(const std::string& level, const std::string& o
   LogLevels levels;
   levels.fill(spdlog::level::from_str(level));
   if (trimmed(overrides).empty()) return levels;
-  std::set<std::string> told;
+  std::set<std::string> reported;
   std::size_t begin = 0;
   for (std::size_t end = 0; end != std::string::npos; begin = end + 1) {
     end = overrides.find(',', begin);
     const auto length = end == std::string::npos ? end : end - begin;
-    if (auto valid = set_one(trimmed(overrides.substr(begin, length)), told, levels); !valid)
+    if (auto valid = set_one(trimmed(overrides.substr(begin, length)), reported, levels); !valid)
       return unexpected(valid.error());
   }
   return levels;

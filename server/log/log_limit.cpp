@@ -29,11 +29,11 @@ LogLimit::Verdict LogLimit::ask(const LogEvent& event, std::string_view client, 
   if (source.bucket.take(per_s, now) &&
       total_of(event, kAllTogether * per_s, now).bucket.take(kAllTogether * per_s, now)) {
     const std::int64_t lines = std::exchange(source.suppressed.lines, 0);
-    untold_ -= lines;
+    unreported_ -= lines;
     return {true, lines};
   }
   ++source.suppressed.lines;
-  ++untold_;
+  ++unreported_;
   source.last = now;
   return {false, 0};
 }
@@ -69,11 +69,11 @@ LogLimit::Total& LogLimit::total_of(const LogEvent& event, double per_s, Time no
 std::vector<LogLimit::Suppressed> LogLimit::take_quiet(Time now) {
   std::vector<Suppressed> result;
   const MutexLock lock(mutex_);
-  if (untold_ == 0) return result;
+  if (unreported_ == 0) return result;
   const auto take = [&](Suppressed& suppressed, Time last) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (suppressed.lines == 0 || now < last + kQuiet) return;
     result.push_back(suppressed);
-    untold_ -= std::exchange(suppressed.lines, 0);
+    unreported_ -= std::exchange(suppressed.lines, 0);
   };
   for (Source& source : sources_) take(source.suppressed, source.last);
   for (auto& [key, total] : totals_) take(total.suppressed, total.last);

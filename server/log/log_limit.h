@@ -86,7 +86,7 @@ class LogLimit {
   std::list<Source> sources_ ABSL_GUARDED_BY(mutex_);  // the most recent one comes first
   std::map<Key, std::list<Source>::iterator> by_key_ ABSL_GUARDED_BY(mutex_);
   std::map<EventKey, Total> totals_ ABSL_GUARDED_BY(mutex_);
-  std::int64_t untold_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::int64_t unreported_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace marble::server

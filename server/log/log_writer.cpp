@@ -58,7 +58,7 @@ struct LogWriter::Queue {
   Condition end;   // the thread has ended
   std::string waiting ABSL_GUARDED_BY(mutex);
   std::size_t in_hand ABSL_GUARDED_BY(mutex) = 0;  // bytes that are being written
-  std::int64_t untold ABSL_GUARDED_BY(mutex) = 0, dropped ABSL_GUARDED_BY(mutex) = 0;
+  std::int64_t unreported ABSL_GUARDED_BY(mutex) = 0, dropped ABSL_GUARDED_BY(mutex) = 0;
   bool idle ABSL_GUARDED_BY(mutex) = false;  // the thread waits for a line
   bool failed ABSL_GUARDED_BY(mutex) = false;
   bool closing ABSL_GUARDED_BY(mutex) = false, over ABSL_GUARDED_BY(mutex) = false;
@@ -96,7 +96,7 @@ void LogWriter::Queue::write(std::string_view lines) {
   }
   const MutexLock lock(mutex);
   const auto lost = std::count(lines.begin(), lines.end(), '\n');
-  untold += lost;
+  unreported += lost;
   dropped += lost;
   failed = !written;
   in_hand = 0;
@@ -125,7 +125,7 @@ LogWriter::~LogWriter() {
 
 LogWriter::Backlog LogWriter::backlog() const {
   const MutexLock lock(queue_->mutex);
-  return {queue_->failed || queue_->in_hand > 0 || !queue_->waiting.empty(), queue_->untold};
+  return {queue_->failed || queue_->in_hand > 0 || !queue_->waiting.empty(), queue_->unreported};
 }
 
 std::int64_t LogWriter::dropped() const {
@@ -133,14 +133,14 @@ std::int64_t LogWriter::dropped() const {
   return queue_->dropped;
 }
 
-void LogWriter::put(std::string_view line, std::int64_t told) {
+void LogWriter::put(std::string_view line, std::int64_t reported) {
   const MutexLock lock(queue_->mutex);
   if (queue_->in_hand + queue_->waiting.size() + line.size() > queue_->most) {
-    ++queue_->untold;
+    ++queue_->unreported;
     ++queue_->dropped;
     return;
   }
-  queue_->untold -= told;
+  queue_->unreported -= reported;
   queue_->waiting.append(line);
   if (queue_->idle) queue_->work.notify_one();
 }

@@ -20,15 +20,15 @@ class LogWriter {
   LogWriter& operator=(const LogWriter&) = delete;
 
   struct Backlog {
-    bool stalls = false;      ///< something is not written yet, or the last write failed
-    std::int64_t untold = 0;  ///< dropped lines that no line has reported yet
+    bool stalls = false;          ///< something is not written yet, or the last write failed
+    std::int64_t unreported = 0;  ///< dropped lines that no line has reported yet
   };
   [[nodiscard]] Backlog backlog() const;
   /// Number of lines dropped since the start.
   [[nodiscard]] std::int64_t dropped() const;
 
-  /// Takes the line, which ends with a newline and reports `told` of the untold ones, or drops it.
-  void put(std::string_view line, std::int64_t told);
+  /// Takes the line, which ends with a newline and reports `reported` of the unreported ones, or drops it.
+  void put(std::string_view line, std::int64_t reported);
 
  private:
   struct Queue;

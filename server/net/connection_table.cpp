@@ -75,7 +75,7 @@ bool ConnectionTable::add(Descriptor copy, const std::string& peer, Clock::time_
         connection->known_ = true;  // authenticated by the permission to open the socket's file
       } else {
         by_peer_[peer] = connection;
-        connection->stranger_ = strangers_.insert(strangers_.end(), connection.get());
+        connection->unauthenticated_ = unauthenticated_.insert(unauthenticated_.end(), connection.get());
       }
       epoll_event event = {};
       event.events = EPOLLIN | EPOLLRDHUP | EPOLLET;
@@ -84,7 +84,7 @@ bool ConnectionTable::add(Descriptor copy, const std::string& peer, Clock::time_
       taken = true;
     }
   }
-  tell();
+  report();
   return taken;
 }
 
@@ -92,9 +92,9 @@ bool ConnectionTable::add(Descriptor copy, const std::string& peer, Clock::time_
 // without a call.
 Connection* ConnectionTable::replaceable(const std::string& host) {
   const auto of_host = [&](const Connection& one) { return host.empty() || one.host_ == host; };
-  const auto stranger = std::find_if(strangers_.begin(), strangers_.end(),
-                                     [&](const Connection* one) { return of_host(*one); });
-  if (stranger != strangers_.end()) return *stranger;
+  const auto unauthenticated = std::find_if(unauthenticated_.begin(), unauthenticated_.end(),
+                                            [&](const Connection* one) { return of_host(*one); });
+  if (unauthenticated != unauthenticated_.end()) return *unauthenticated;
   Connection* longest = nullptr;
   for (const auto& [socket, connection] : connections_) {
     if (connection->calls_ == 0 && of_host(*connection) &&
@@ -113,7 +113,7 @@ bool ConnectionTable::make_room() {
       made = true;
     }
   }
-  tell();
+  report();
   return made;
 }
 
@@ -123,7 +123,7 @@ void ConnectionTable::turned_away(const std::string& peer) {
     ++usage_.accepted;
     count({peer, host_of(peer), CloseReason::descriptors, 0});
   }
-  tell();
+  report();
 }
 
 void ConnectionTable::watch(Clock::time_point now) {
@@ -148,9 +148,9 @@ void ConnectionTable::watch(Clock::time_point now) {
       looked_at_all_ = now;
       look_at_all(now);
     }
-    look_at_strangers();
+    look_at_unauthenticated();
   }
-  tell();
+  report();
 }
 
 // Bytes that may be in memory without a call having taken them. Calls of unauthenticated clients take some
@@ -174,8 +174,8 @@ void ConnectionTable::look(Connection& connection, Clock::time_point now) {
   // A message takes a little more on the wire.
   const std::int64_t share =
       connection.known_ ? calls * (limits_.message_bytes + limits_.message_bytes / 16) : 0;
-  const bool pours = held(connection) > limits_.stranger_bytes + share;
-  if (pours) close(connection, CloseReason::pouring);
+  const bool pours = held(connection) > limits_.unauthenticated_bytes + share;
+  if (pours) close(connection, CloseReason::flooding);
 }
 
 void ConnectionTable::look_at_all(Clock::time_point now) {
@@ -195,16 +195,16 @@ void ConnectionTable::look_at_all(Clock::time_point now) {
   }
 }
 
-void ConnectionTable::look_at_strangers() {
+void ConnectionTable::look_at_unauthenticated() {
   while (true) {
     std::int64_t all = 0;
     Connection* most = nullptr;
-    for (Connection* const one : strangers_) {
+    for (Connection* const one : unauthenticated_) {
       all += held(*one);
       if (most == nullptr || held(*one) > held(*most)) most = one;
     }
-    if (all <= limits_.strangers_bytes) return;
-    close(*most, CloseReason::pouring);
+    if (all <= limits_.unauthenticated_bytes) return;
+    close(*most, CloseReason::flooding);
   }
 }
 
@@ -213,7 +213,7 @@ void ConnectionTable::close(Connection& connection, CloseReason reason) {
   shutdown(socket, SHUT_RDWR);
   // gRPC does not read to the end if it is short of memory: only a reset then stops a flooding client.
   constexpr sockaddr kNobody = {.sa_family = AF_UNSPEC, .sa_data = {}};
-  if (reason == CloseReason::pouring) static_cast<void>(connect(socket, &kNobody, sizeof kNobody));
+  if (reason == CloseReason::flooding) static_cast<void>(connect(socket, &kNobody, sizeof kNobody));
   count({connection.peer_, connection.host_, reason, connection.received_});
   forget(connection);
 }
@@ -221,7 +221,7 @@ void ConnectionTable::close(Connection& connection, CloseReason reason) {
 void ConnectionTable::forget(Connection& connection) {
   // gRPC's descriptor of the same socket may still be open, and its events would continue.
   epoll_ctl(events_.get(), EPOLL_CTL_DEL, connection.socket_.get(), nullptr);
-  if (!connection.known_) strangers_.erase(connection.stranger_);
+  if (!connection.known_) unauthenticated_.erase(connection.unauthenticated_);
   if (const auto host = of_host_.find(connection.host_); --host->second == 0) of_host_.erase(host);
   // Its port may belong to another connection by now.
   if (const auto peer = by_peer_.find(connection.peer_);
@@ -232,14 +232,14 @@ void ConnectionTable::forget(Connection& connection) {
 
 void ConnectionTable::count(Closed closed) {
   ++usage_.closed[static_cast<std::size_t>(closed.reason)];
-  untold_.push_back(std::move(closed));
+  unreported_.push_back(std::move(closed));
 }
 
-void ConnectionTable::tell() {
+void ConnectionTable::report() {
   std::vector<Closed> closed;
   {
     const MutexLock lock(mutex_);
-    closed.swap(untold_);
+    closed.swap(unreported_);
   }
   for (const Closed& one : closed) {
     const auto line = log_.line({spdlog::level::warn, Component::access, "connection_closed"}, one.host);
@@ -302,7 +302,7 @@ void ConnectionTable::known(const std::string& peer) {
   const MutexLock lock(mutex_);
   const auto found = by_peer_.find(peer);
   if (found == by_peer_.end() || found->second->known_) return;
-  strangers_.erase(found->second->stranger_);
+  unauthenticated_.erase(found->second->unauthenticated_);
   found->second->known_ = true;
 }
 

@@ -26,16 +26,16 @@ enum class CloseReason {
   descriptors,       ///< the process has none left
   silent,            ///< no data arrived after it was opened
   idle,              ///< no call for a long time
-  pouring,           ///< more bytes than its calls have taken
+  flooding,          ///< more bytes than its calls have taken
 };
 constexpr std::array<const char*, 6> kCloseReasons = {
-    "connections", "host_connections", "descriptors", "silent", "idle", "pouring"};
+    "connections", "host_connections", "descriptors", "silent", "idle", "flooding"};
 
 struct ConnectionLimits {
   int all = 0, host = 0;
-  std::int64_t stranger_bytes = 0;   ///< per connection, before one of its callers is known
-  std::int64_t strangers_bytes = 0;  ///< limit on all such connections together
-  std::int64_t message_bytes = 0;    ///< per call on any other connection
+  std::int64_t unauthenticated_bytes = 0;  ///< per connection, before one of its callers is known
+  std::int64_t unauthenticated_bytes = 0;  ///< limit on all such connections together
+  std::int64_t message_bytes = 0;          ///< per call on any other connection
   Clock::duration start{}, idle{};
 };
 
@@ -67,11 +67,11 @@ class Connection {
   const Descriptor socket_;  // a copy of gRPC's: its shutdown ends the connection regardless of gRPC
   const std::string peer_, host_;
   const Clock::time_point opened_;
-  std::atomic<int> calls_ = 0, own_calls_ = 0;  // open calls
-  std::atomic<std::int64_t> explained_ = 0;     // bytes, since the last check
-  std::atomic<Clock::rep> last_call_;           // time when the last call ended
-  std::atomic<bool> known_ = false;             // one of its callers is authenticated
-  std::list<Connection*>::iterator stranger_;   // place in strangers_ while unauthenticated
+  std::atomic<int> calls_ = 0, own_calls_ = 0;        // open calls
+  std::atomic<std::int64_t> explained_ = 0;           // bytes, since the last check
+  std::atomic<Clock::rep> last_call_;                 // time when the last call ended
+  std::atomic<bool> known_ = false;                   // one of its callers is authenticated
+  std::list<Connection*>::iterator unauthenticated_;  // place in unauthenticated_ while unauthenticated
 
   // Used by the watching thread.
   Clock::time_point looked_;
@@ -135,12 +135,12 @@ class ConnectionTable {
   [[nodiscard]] static std::int64_t held(const Connection& connection);
   void look(Connection& connection, Clock::time_point now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void look_at_all(Clock::time_point now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void look_at_strangers() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void look_at_unauthenticated() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void close(Connection& connection, CloseReason reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void forget(Connection& connection) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void count(Closed closed) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Logs what was closed since the last time.
-  void tell() ABSL_LOCKS_EXCLUDED(mutex_);
+  void report() ABSL_LOCKS_EXCLUDED(mutex_);
 
   const ConnectionLimits limits_;
   const Log& log_;
@@ -149,8 +149,8 @@ class ConnectionTable {
   std::unordered_map<int, std::shared_ptr<Connection>> connections_ ABSL_GUARDED_BY(mutex_);  // key: socket
   std::unordered_map<std::string, std::shared_ptr<Connection>> by_peer_ ABSL_GUARDED_BY(mutex_);
   std::unordered_map<std::string, int> of_host_ ABSL_GUARDED_BY(mutex_);
-  std::list<Connection*> strangers_ ABSL_GUARDED_BY(mutex_);  // oldest first
-  std::vector<Closed> untold_ ABSL_GUARDED_BY(mutex_);
+  std::list<Connection*> unauthenticated_ ABSL_GUARDED_BY(mutex_);  // oldest first
+  std::vector<Closed> unreported_ ABSL_GUARDED_BY(mutex_);
   Usage usage_ ABSL_GUARDED_BY(mutex_);
   Clock::time_point looked_at_all_ ABSL_GUARDED_BY(mutex_) = {};
 };

@@ -58,15 +58,15 @@ Expected<ListeningSocket> open_in_time(const std::string& address, const Config&
   const std::chrono::milliseconds silence(milliseconds(config.keepalive_s) / 2);
   const auto end = Clock::now() + std::chrono::duration_cast<Clock::duration>(
                                       std::chrono::duration<double>(config.listen_wait_s));
-  bool told = false;
+  bool reported = false;
   while (true) {
     auto socket = ListeningSocket::open(address, silence);
     if (socket || socket.error().bound != ListeningSocket::kInUse || Clock::now() >= end) return socket;
-    if (!told) {
+    if (!reported) {
       log.info(Component::server, "address_in_use",
                {{"address", address}, {"waits_s", config.listen_wait_s}});
     }
-    told = true;
+    reported = true;
     std::this_thread::sleep_for(kAddressPeriod);
   }
 }
@@ -93,8 +93,8 @@ ConnectionLimits connection_limits(const Config& config) {
   const std::int64_t all = std::clamp<std::int64_t>(left / 2, kFewestConnections, config.connections);
   return {.all = static_cast<int>(all),
           .host = config.host_connections,
-          .stranger_bytes = config.stranger_bytes,
-          .strangers_bytes = config.transport_bytes / 4,
+          .unauthenticated_bytes = config.unauthenticated_bytes,
+          .unauthenticated_bytes = config.transport_bytes / 4,
           .message_bytes = config.message_bytes,
           .start = duration(config.connection_start_s),
           .idle = duration(config.connection_idle_s)};

@@ -27,13 +27,15 @@ Supervisor::Supervisor() {
   unsetenv(kVariable);
 }
 
-void Supervisor::ready() const { tell("READY=1"); }
+void Supervisor::ready() const { report("READY=1"); }
 
-void Supervisor::reloading() const { tell("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(monotonic_us())); }
+void Supervisor::reloading() const {
+  report("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(monotonic_us()));
+}
 
-void Supervisor::stopping() const { tell("STOPPING=1"); }
+void Supervisor::stopping() const { report("STOPPING=1"); }
 
-void Supervisor::tell(std::string_view state) const {
+void Supervisor::report(std::string_view state) const {
   sockaddr_un name = {};
   name.sun_family = AF_UNIX;
   if (socket_.size() < 2 || socket_.size() >= sizeof name.sun_path) return;

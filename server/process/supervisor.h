@@ -17,7 +17,7 @@ class Supervisor {
   void stopping() const;   ///< reports that it drains
 
  private:
-  void tell(std::string_view state) const;
+  void report(std::string_view state) const;
 
   std::string socket_;
 };

@@ -1,7 +1,7 @@
 // The queue as a pure data structure: which job is next, and which must be refused. No threads, no clock.
 //
-// A higher priority goes first; one that was passed over `passed_over` times in a row, or for
-// `passed_over_time`, goes once in between. Within a priority, clients take turns. Within a client, the
+// A higher priority goes first; one that was passed over `starvation_limit` times in a row, or for
+// `starvation_time`, goes once in between. Within a priority, clients take turns. Within a client, the
 // earliest deadline goes first, then the order of arrival; a job without a deadline, or with a distant one,
 // counts as due `patience` after its arrival, so that it does not starve.
 #pragma once
@@ -20,16 +20,16 @@
 #include <vector>
 
 #include "base/quota.h"
-#include "queue/passed_over.h"
+#include "queue/starvation_limit.h"
 
 namespace marble::server {
 
 struct QueueLimits {
-  int workers = 1;         ///< a free worker counts as capacity, so jobs = 0 means "no waiting"
-  int jobs = 0;            ///< limit on waiting jobs; one place in 16 is reserved for realtime jobs
-  std::int64_t bytes = 0;  ///< limit on requests that wait, in queue or session, or run
-  int passed_over = 32;    ///< how often in a row a priority with waiting jobs may be passed over
-  std::chrono::steady_clock::duration passed_over_time = std::chrono::seconds(1);  ///< or for how long
+  int workers = 1;            ///< a free worker counts as capacity, so jobs = 0 means "no waiting"
+  int jobs = 0;               ///< limit on waiting jobs; one place in 16 is reserved for realtime jobs
+  std::int64_t bytes = 0;     ///< limit on requests that wait, in queue or session, or run
+  int starvation_limit = 32;  ///< how often in a row a priority with waiting jobs may be passed over
+  std::chrono::steady_clock::duration starvation_time = std::chrono::seconds(1);  ///< or for how long
   std::chrono::steady_clock::duration patience = std::chrono::seconds(10);
 
   /// Returns how many jobs may wait when a job of this priority arrives. Other jobs never fill the queue, so
@@ -68,7 +68,7 @@ class JobQueue {
   using Ahead = std::array<std::size_t, kPriorities>;
 
   explicit JobQueue(const QueueLimits& limits)
-      : limits_(limits), passed_over_(limits.passed_over, limits.passed_over_time) {}
+      : limits_(limits), starvation_limit_(limits.starvation_limit, limits.starvation_time) {}
 
   /// Takes the item, or returns why not; the caller then keeps it. The client's newest quota applies.
   [[nodiscard]] QueueRefusal push(std::shared_ptr<Item> item, const Ticket& ticket, const Quota& quota) {
@@ -253,13 +253,13 @@ class JobQueue {
     return ahead;
   }
 
-  /// Calls `tell` for every client in the queue with its name, and how much of it waits and runs.
-  template <class Tell>
-  void each_client(const Tell& tell) const {
+  /// Calls `report` for every client in the queue with its name, and how much of it waits and runs.
+  template <class Report>
+  void each_client(const Report& report) const {
     for (const auto& [name, client] : clients_) {
       std::size_t waiting = 0;
       for (const Line& line : client.lines) waiting += line.size();
-      tell(name, static_cast<int>(waiting), client.running);
+      report(name, static_cast<int>(waiting), client.running);
     }
   }
 
@@ -316,7 +316,7 @@ class JobQueue {
   [[nodiscard]] std::size_t choose_priority(Time now) {
     std::array<bool, kPriorities> able = {};
     for (std::size_t at = 0; at < kPriorities; ++at) able[at] = find_turn(at) != turns_[at].end();
-    return passed_over_.choose(able, now);
+    return starvation_limit_.choose(able, now);
   }
 
   [[nodiscard]] static Time latest_begin(const Ticket& ticket) { return ticket.deadline - ticket.least_run; }
@@ -412,7 +412,7 @@ class JobQueue {
   std::array<std::vector<std::size_t>, kPriorities> at_least_;  // [k]: lines of more than k items
   Ahead waiting_ = {}, preempting_ = {};                        // preempting: those of them that may preempt
   std::array<double, kPriorities> work_s_ = {};
-  PassedOver passed_over_;
+  StarvationLimit starvation_limit_;
   int running_ = 0, unreserved_ = 0;
   std::int64_t bytes_ = 0, held_ = 0, next_number_ = 0;  // bytes: including held bytes
 };

@@ -393,9 +393,10 @@ void Scheduler::pulse(Clock::time_point now) {
     if (queue_.waiting() > 0) late = queue_.expire(now);
     look_at_waiting();
     finishing_ += static_cast<int>(late.size());
-    const bool look = now - places_told_ >= kPlaces && (queue_.waiting() > 0 || !place_listeners_.empty());
+    const bool look =
+        now - places_reported_ >= kPlaces && (queue_.waiting() > 0 || !place_listeners_.empty());
     if (look) {
-      places_told_ = now;
+      places_reported_ = now;
       queue_.update_places();
     }
     const std::vector<double> busy = look ? busy_s() : std::vector<double>();

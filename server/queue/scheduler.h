@@ -262,7 +262,7 @@ class Scheduler final : public Pulsed, public TaskRunner {
   ClientUses client_uses_ ABSL_GUARDED_BY(mutex_);
   std::array<double, kPriorities> mean_run_s_ ABSL_GUARDED_BY(mutex_) = {};
   RunEstimates estimates_ ABSL_GUARDED_BY(mutex_);
-  Clock::time_point places_told_ ABSL_GUARDED_BY(mutex_) = {};
+  Clock::time_point places_reported_ ABSL_GUARDED_BY(mutex_) = {};
   bool leaving_ ABSL_GUARDED_BY(mutex_) = false;
   bool closed_ ABSL_GUARDED_BY(mutex_) = false;
   bool hurried_ ABSL_GUARDED_BY(mutex_) = false;

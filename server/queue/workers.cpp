@@ -42,7 +42,7 @@ Expected<Solution> solve(Job& job, TaskRunner& runner, Pause* pause, const std::
 }
 
 // The record restarts whenever the work starts.
-void tell_started(Job& job, double queue_s) {
+void report_started(Job& job, double queue_s) {
   job.record->started(queue_s);
   if (!std::exchange(job.has_started, true)) job.observer->started(queue_s);
 }
@@ -198,7 +198,7 @@ void Scheduler::run_job(const std::shared_ptr<Job>& job, bool on_top) {
       job->ticket.deadline - begin <= job->ticket.least_run) {
     outcome.solution = unexpected(too_late(*job, begin));
   } else {
-    tell_started(*job, outcome.queue_s);
+    report_started(*job, outcome.queue_s);
     outcome.solution = solve(*job, *this, on_top ? nullptr : &pause, job->stop.get_token());
   }
   end_job(job, std::move(outcome), pause.paused());
@@ -232,7 +232,7 @@ bool Scheduler::begin_here(const std::shared_ptr<Job>& job) {
 void Scheduler::run_here(const std::shared_ptr<Job>& job) {
   Outcome outcome;
   outcome.queue_s = seconds(job->begun - job->accepted);
-  tell_started(*job, outcome.queue_s);
+  report_started(*job, outcome.queue_s);
   std::stop_source stop;
   HereLimit limit(job->begun + kMostHere, stop);
   {

@@ -176,7 +176,7 @@ int work_class_of(std::int64_t bytes, const Options& options) {
   const auto bits = [](std::int64_t number) {
     return static_cast<int>(std::bit_width(static_cast<std::uint64_t>(number)));
   };
-  return 128 * bits(options.starts) + 2 * bits(bytes) + (options.global ? 1 : 0);
+  return 128 * bits(options.num_starts) + 2 * bits(bytes) + (options.global_search ? 1 : 0);
 }
 
 // Makes the job without its record and its work.
@@ -287,8 +287,10 @@ Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller&
     controls.initial_z = checked.initial_z;
     controls.warm_start = checked.warm_start ? &*checked.warm_start : nullptr;
     controls.sensitivity = checked.sensitivity ? &checked.sensitivity->request : nullptr;
-    const auto tell_memory = [&](const Solver& solver) { checked.record->set_memory(solver.memory_bytes()); };
-    return solve_once(checked.problem, checked.options, controls, limits, tell_memory);
+    const auto report_memory = [&](const Solver& solver) {
+      checked.record->set_memory(solver.memory_bytes());
+    };
+    return solve_once(checked.problem, checked.options, controls, limits, report_memory);
   };
   return job;
 }

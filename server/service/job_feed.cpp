@@ -51,11 +51,11 @@ bool JobFeed::next_of_one(v1::WatchJobsResponse* response) {
   const Clock::time_point now = Clock::now();
   const std::int64_t changes = one_->changes();  // read first: later changes are reported next time
   const bool finished = one_->is_finished();
-  const bool quiet = now - told_.at >= ProgressSlot::kQuiet && one_->is_running();
-  if (changes == told_.changes && !finished && !quiet) return false;
-  const bool first = told_.changes < 0;
+  const bool quiet = now - reported_.at >= ProgressSlot::kQuiet && one_->is_running();
+  if (changes == reported_.changes && !finished && !quiet) return false;
+  const bool first = reported_.changes < 0;
   const std::int64_t version = one_->snapshot().version;
-  if (!first && version == told_.version && seconds_since(told_.at, now) < interval_s_) return false;
+  if (!first && version == reported_.version && seconds_since(reported_.at, now) < interval_s_) return false;
   v1::JobEvent* event = response->add_events();
   if (first) {
     const JobRecord::Trace trace = one_->trace();
@@ -69,7 +69,7 @@ bool JobFeed::next_of_one(v1::WatchJobsResponse* response) {
   if (const auto pairs = one_->newest_pairs()) to_message(*pairs, event->mutable_pairs());
   to_message(*one_, event->mutable_job());
   response->set_skipped(skipped_);
-  told_ = {changes, version, now};
+  reported_ = {changes, version, now};
   over_ = finished;
   return true;
 }
@@ -81,19 +81,19 @@ void JobFeed::look_around() {
   JobBoard::Finished finished = board_.finished_since(finished_);
   skipped_ += finished.skipped;
   for (auto& record : finished.records) {
-    if (may_see(viewer_, record->description().client)) to_tell_.push_back({std::move(record), true});
+    if (may_see(viewer_, record->description().client)) to_report_.push_back({std::move(record), true});
   }
   renew_active();
   for (std::size_t i = 0; i < active_->size(); ++i) {
     const std::shared_ptr<JobRecord>& record = (*active_)[i];
-    Told& told = told_of_[i];
+    Reported& reported = reported_of_[i];
     const std::int64_t changes = record->changes();
-    if (changes == told.changes || !may_see(viewer_, record->description().client)) continue;
+    if (changes == reported.changes || !may_see(viewer_, record->description().client)) continue;
     const std::int64_t version = record->snapshot().version;
-    const bool waits = seconds_since(told.at, now) < interval_s_;
-    if (told.changes >= 0 && version == told.version && waits) continue;
-    told = {changes, version, now};
-    to_tell_.push_back({record});
+    const bool waits = seconds_since(reported.at, now) < interval_s_;
+    if (reported.changes >= 0 && version == reported.version && waits) continue;
+    reported = {changes, version, now};
+    to_report_.push_back({record});
   }
 }
 
@@ -101,22 +101,22 @@ void JobFeed::look_around() {
 void JobFeed::renew_active() {
   JobBoard::Records active = board_.active();
   if (active == active_) return;
-  std::vector<Told> told_of(active->size());
+  std::vector<Reported> reported_of(active->size());
   std::size_t before = 0;
   for (std::size_t i = 0; active_ != nullptr && i < active->size(); ++i) {
     while (before < active_->size() && (*active_)[before] != (*active)[i]) ++before;
     if (before == active_->size()) break;
-    told_of[i] = told_of_[before++];
+    reported_of[i] = reported_of_[before++];
   }
   active_ = std::move(active);
-  told_of_ = std::move(told_of);
+  reported_of_ = std::move(reported_of);
 }
 
 bool JobFeed::next_of_all(v1::WatchJobsResponse* response) {
-  if (to_tell_.empty()) look_around();
-  while (!to_tell_.empty() && response->events_size() < kMostEvents) {
-    const News news = std::move(to_tell_.front());
-    to_tell_.pop_front();
+  if (to_report_.empty()) look_around();
+  while (!to_report_.empty() && response->events_size() < kMostEvents) {
+    const News news = std::move(to_report_.front());
+    to_report_.pop_front();
     const std::shared_ptr<JobRecord>& record = news.record;
     v1::JobEvent* event = response->add_events();
     to_message(*record, event->mutable_job());

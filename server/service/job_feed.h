@@ -36,7 +36,7 @@ class JobFeed {
   /// False if there is nothing to report.
   [[nodiscard]] bool next(v1::WatchJobsResponse* response);
   /// True if more can be reported at once.
-  [[nodiscard]] bool has_more() const { return !to_tell_.empty(); }
+  [[nodiscard]] bool has_more() const { return !to_report_.empty(); }
   /// True if the one job has finished and everything has been reported.
   [[nodiscard]] bool is_over() const { return over_; }
 
@@ -49,7 +49,7 @@ class JobFeed {
   void renew_active();
 
   // What was reported of a job, and when.
-  struct Told {
+  struct Reported {
     std::int64_t changes = -1, version = -1;
     Clock::time_point at = {};
   };
@@ -59,15 +59,15 @@ class JobFeed {
   const Identity viewer_;
   const double interval_s_;
   std::shared_ptr<JobRecord> one_;  // null: all jobs
-  Told told_;                       // state of the one job
+  Reported reported_;               // state of the one job
   std::int64_t cursor_ = 0;
-  JobBoard::Records active_;   // the jobs that were active at the last refresh
-  std::vector<Told> told_of_;  // state of each of them
+  JobBoard::Records active_;           // the jobs that were active at the last refresh
+  std::vector<Reported> reported_of_;  // state of each of them
   struct News {
     std::shared_ptr<JobRecord> record;
     bool last = false;  // the job was found among the finished ones
   };
-  std::deque<News> to_tell_;
+  std::deque<News> to_report_;
   std::int64_t finished_ = 0;  // cursor into the board
   std::int64_t skipped_ = 0;
   bool over_ = false;

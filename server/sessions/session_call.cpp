@@ -127,7 +127,7 @@ Expected<void> SessionCall::take_setup(const std::shared_ptr<const v1::SessionSe
     const MutexLock lock(mutex_);
     if (end_ || place_ == nullptr) return {};  // the client has disconnected meanwhile
     priority_ = setup->priority;
-    tell_progress_ = message->progress();
+    report_progress_ = message->progress();
     progress_interval_s_ = message->progress_interval_s();
     iterate_every_ = message->iterate_every();
     epoch_ = message->epoch();
@@ -248,7 +248,7 @@ std::shared_ptr<Job> SessionCall::next_job() {
   job_->work = [this, update](const SolveControls& controls) -> Expected<Solution> {
     update->taken = true;
     last_progress_s_ = -1.0;
-    if (tell_progress_) slot_.started();
+    if (report_progress_) slot_.started();
     record_->set_options(update->options());
     if (update->prepares()) {
       auto prepared = solver_->prepare(update->checked(), {.stop = controls.stop});

@@ -77,7 +77,7 @@ class SessionCall final
   double last_progress_s_ = -1.0;  // used by the worker only
   // Constant once set up.
   Priority priority_ = Priority::realtime;
-  bool tell_progress_ = false;
+  bool report_progress_ = false;
   double progress_interval_s_ = 0.0;
   int iterate_every_ = 0;
   std::int64_t epoch_ = 0;
@@ -115,7 +115,7 @@ class SessionCall::UpdateObserver final : public JobObserver {
  public:
   UpdateObserver(std::shared_ptr<SessionCall> call, std::shared_ptr<Update> update)
       : call_(std::move(call)), update_(std::move(update)) {}
-  ProgressSink* progress() override { return call_->tell_progress_ ? call_.get() : nullptr; }
+  ProgressSink* progress() override { return call_->report_progress_ ? call_.get() : nullptr; }
   void finished(Outcome outcome) override { call_->update_done(update_, std::move(outcome)); }
 
  private:

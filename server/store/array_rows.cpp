@@ -14,16 +14,16 @@ Expected<void> run(Database& database, std::string_view sql, const Bind& bind) {
   return statement->run();
 }
 
-// Calls `tell` for each row.
-template <class Bind, class Tell>
-Expected<void> read(Database& database, std::string_view sql, const Bind& bind, const Tell& tell) {
+// Calls `report` for each row.
+template <class Bind, class Report>
+Expected<void> read(Database& database, std::string_view sql, const Bind& bind, const Report& report) {
   auto rows = database.prepare(sql);
   if (!rows) return unexpected(rows.error());
   if (auto bound = bind(*rows).bound(); !bound) return bound;
   while (true) {
     const auto row = rows->step();
     if (!row) return unexpected(row.error());
-    if (!*row || !tell(*rows)) return {};
+    if (!*row || !report(*rows)) return {};
   }
 }
 
@@ -153,7 +153,7 @@ Expected<std::vector<ElementAnswer>> read_answers(Database& database, const std:
 }
 
 Expected<void> each_element(Database& database, const std::string& array,
-                            const std::function<void(const ElementRow&)>& tell) {
+                            const std::function<void(const ElementRow&)>& report) {
   return read(
       database,
       "SELECT place, lost, ifnull(length(request), 0), ifnull(sequence, 0), ifnull(length(answer), 0),"
@@ -161,7 +161,7 @@ Expected<void> each_element(Database& database, const std::string& array,
       " WHERE job = (SELECT number FROM jobs WHERE id = ?1) ORDER BY place",
       [&](Statement& statement) -> Statement& { return statement.bind(1, array); },
       [&](const Statement& row) {
-        tell(element_in(row));
+        report(element_in(row));
         return true;
       });
 }

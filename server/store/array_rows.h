@@ -37,6 +37,6 @@ struct ElementRow {
 [[nodiscard]] Expected<std::vector<ElementAnswer>> read_answers(Database& database, const std::string& array,
                                                                 std::int64_t after, std::int64_t most_bytes);
 [[nodiscard]] Expected<void> each_element(Database& database, const std::string& array,
-                                          const std::function<void(const ElementRow&)>& tell);
+                                          const std::function<void(const ElementRow&)>& report);
 
 }  // namespace marble::server

@@ -229,7 +229,7 @@ Expected<std::string> JobStore::request_of(const std::string& id) {
   return rows->bytes(0);
 }
 
-Expected<void> JobStore::each_result(const std::function<void(StoredResult)>& tell) {
+Expected<void> JobStore::each_result(const std::function<void(StoredResult)>& report) {
   const MutexLock lock(read_mutex_);
   auto rows = reader_.prepare(
       "SELECT id, client, request_id, digest, job, answer, error, finished_unix_s, ifnull(length(request), "
@@ -240,7 +240,7 @@ Expected<void> JobStore::each_result(const std::function<void(StoredResult)>& te
     const auto row = rows->step();
     if (!row) return unexpected(row.error());
     if (!*row) return {};
-    tell(result_in(*rows));
+    report(result_in(*rows));
   }
 }
 
@@ -294,9 +294,9 @@ Expected<std::vector<ElementAnswer>> JobStore::answers_after(const std::string& 
 }
 
 Expected<void> JobStore::each_element(const std::string& array,
-                                      const std::function<void(const ElementRow&)>& tell) {
+                                      const std::function<void(const ElementRow&)>& report) {
   const MutexLock lock(read_mutex_);
-  return server::each_element(reader_, array, tell);
+  return server::each_element(reader_, array, report);
 }
 
 StoreUsage JobStore::usage() const {

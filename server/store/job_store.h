@@ -69,8 +69,8 @@ class JobStore final : public ElementStore {
   [[nodiscard]] Expected<std::vector<StoredJob>> unanswered() ABSL_LOCKS_EXCLUDED(read_mutex_);
   /// Errors: not_found (it does not exist, or not any more).
   [[nodiscard]] Expected<std::string> request_of(const std::string& id) ABSL_LOCKS_EXCLUDED(read_mutex_);
-  /// Calls `tell` for all results, in the order in which they came.
-  [[nodiscard]] Expected<void> each_result(const std::function<void(StoredResult)>& tell)
+  /// Calls `report` for all results, in the order in which they came.
+  [[nodiscard]] Expected<void> each_result(const std::function<void(StoredResult)>& report)
       ABSL_LOCKS_EXCLUDED(read_mutex_);
 
   /// Marks the time in which the job runs; a crash in between is counted when the file is opened again.
@@ -101,9 +101,9 @@ class JobStore final : public ElementStore {
                                                                    std::int64_t most_bytes) override
       ABSL_LOCKS_EXCLUDED(read_mutex_);
   [[nodiscard]] bool is_durable() const override { return true; }
-  /// Calls `tell` for each existing element, in order.
+  /// Calls `report` for each existing element, in order.
   [[nodiscard]] Expected<void> each_element(const std::string& array,
-                                            const std::function<void(const ElementRow&)>& tell)
+                                            const std::function<void(const ElementRow&)>& report)
       ABSL_LOCKS_EXCLUDED(read_mutex_);
 
   /// The error of the last write, if it failed.

@@ -64,10 +64,10 @@ TEST(SolutionKinds, SegmentsDoNotSpendTheBudgetOfASearchTogether) {
   solution.second_order = SecondOrder::necessary;
   solution.factorizations = 2000;
   solution.detail = "path; violations: equality 1.00e-12";
-  EXPECT_NE(what_to_try(facts_of(solution, {})).find("local_search_budget"), std::string::npos);
+  EXPECT_NE(what_to_try(facts_of(solution, {})).find("max_local_search_factorizations"), std::string::npos);
   solution.detail = "segments; violations: equality 1.00e-12";
-  EXPECT_EQ(what_to_try(facts_of(solution, {})).find("local_search_budget"), std::string::npos);
-  EXPECT_NE(what_to_try(facts_of(solution, {})).find("starts=8"), std::string::npos);
+  EXPECT_EQ(what_to_try(facts_of(solution, {})).find("max_local_search_factorizations"), std::string::npos);
+  EXPECT_NE(what_to_try(facts_of(solution, {})).find("num_starts=8"), std::string::npos);
 }
 
 TEST(SolutionKinds, AStoppedSolveIsFeasibleByTheTolerancesOfItsOwnOptions) {

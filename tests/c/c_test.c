@@ -118,10 +118,10 @@ static void a_fault_names_field_index_value_and_bound(const marble_client* clien
   marble_problem_destroy(problem);
 
   CHECK(marble_options_create(&options, NULL) == MARBLE_OK);
-  CHECK(marble_options_set(options, "starts", "0", &error) == MARBLE_INVALID_ARGUMENT);
-  CHECK(strcmp(error.field, "starts") == 0 && strcmp(error.value, "0") == 0 && strstr(error.bound, "1000") != NULL);
+  CHECK(marble_options_set(options, "num_starts", "0", &error) == MARBLE_INVALID_ARGUMENT);
+  CHECK(strcmp(error.field, "num_starts") == 0 && strcmp(error.value, "0") == 0 && strstr(error.bound, "1000") != NULL);
   CHECK(marble_options_set(options, "nothing", "0", &error) == MARBLE_INVALID_ARGUMENT);
-  CHECK(marble_options_set_number(options, "starts", NAN, &error) == MARBLE_INVALID_ARGUMENT);
+  CHECK(marble_options_set_number(options, "num_starts", NAN, &error) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_options_get(options, "nothing", &value, &error) == MARBLE_INVALID_ARGUMENT);
   marble_options_destroy(options);
 
@@ -154,9 +154,9 @@ static void null_is_a_fault_and_never_a_crash(void) {
   CHECK(marble_problem_set_vector(NULL, "g", &number, 1, NULL) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_problem_set_matrix(NULL, "Q", 0, 0, none, 0, NULL, NULL, NULL) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_options_create(NULL, NULL) == MARBLE_INVALID_ARGUMENT);
-  CHECK(marble_options_set(NULL, "starts", "1", NULL) == MARBLE_INVALID_ARGUMENT);
-  CHECK(marble_options_set_number(NULL, "starts", 1, NULL) == MARBLE_INVALID_ARGUMENT);
-  CHECK(marble_options_get(NULL, "starts", &number, NULL) == MARBLE_INVALID_ARGUMENT);
+  CHECK(marble_options_set(NULL, "num_starts", "1", NULL) == MARBLE_INVALID_ARGUMENT);
+  CHECK(marble_options_set_number(NULL, "num_starts", 1, NULL) == MARBLE_INVALID_ARGUMENT);
+  CHECK(marble_options_get(NULL, "num_starts", &number, NULL) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_call_create(NULL, NULL) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_call_set_progress(NULL, NULL, NULL, NULL) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_call_set_initial_z(NULL, NULL, 0, NULL) == MARBLE_INVALID_ARGUMENT);
@@ -218,7 +218,7 @@ static void a_session_takes_what_changed_and_starts_warm(const marble_client* cl
   check_answer(solution, -6); /* -16 + 10 */
   marble_solution_destroy(solution);
   CHECK(marble_options_create(&options, NULL) == MARBLE_OK);
-  CHECK(marble_options_set_number(options, "starts", 2, NULL) == MARBLE_OK);
+  CHECK(marble_options_set_number(options, "num_starts", 2, NULL) == MARBLE_OK);
   CHECK(marble_session_set_options(session, options, &error) == MARBLE_OK);
   CHECK(marble_session_set(session, "Q", four, 2, &error) == MARBLE_OK);
   CHECK(marble_session_set_cold(session, &error) == MARBLE_OK);

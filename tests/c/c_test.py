@@ -90,8 +90,8 @@ class CInterface(unittest.TestCase):
             answer = json.loads(run(BUILD / "bin/marble", "solve", "--quiet", "--output", "json", path).stdout)
             expected = [answer["objective"], *answer["z"]]
             for address in ("local", self.server.address):
-                told = run(self.program, path, MARBLE_SERVER=address).stdout.split()
-                self.assertEqual([float.fromhex(number).hex() for number in told], [float(x).hex() for x in expected])
+                reported = run(self.program, path, MARBLE_SERVER=address).stdout.split()
+                self.assertEqual([float.fromhex(number).hex() for number in reported], [float(x).hex() for x in expected])
 
     def test_a_named_server_that_is_away_is_an_error_and_no_local_solve(self):
         done = run(self.program, self.server.tiny(), MARBLE_SERVER="127.0.0.1:1")

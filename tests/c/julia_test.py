@@ -42,8 +42,8 @@ def main():
         types = [result, *(one.strip() for one in parameters.split(",") if one.strip())]
         assert name in known, f"{name} is not in marble.h"
         assert len(types) == len(known[name]), (name, types, known[name])
-        for place, (told, wanted) in enumerate(zip(types, known[name], strict=True)):
-            assert told in wanted, f"{name}: {'result' if place == 0 else place} is {told}, not {wanted}"
+        for place, (reported, wanted) in enumerate(zip(types, known[name], strict=True)):
+            assert reported in wanted, f"{name}: {'result' if place == 0 else place} is {reported}, not {wanted}"
         calls += 1
     assert calls == source.count("ccall(("), "a ccall has not been looked at"
     error = re.search(r"typedef struct marble_error \{(.*?)\}", (ROOT / "client/c/include/marble.h").read_text(), re.DOTALL)[1]

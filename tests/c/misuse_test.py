@@ -63,7 +63,7 @@ VALID = {
     "int64_t count": "2",
     "int32_t directions": "1",
     "int32_t losses": "1",
-    "int32_t tell_columns": "1",
+    "int32_t report_columns": "1",
     "int32_t wait": "1",
     "int32_t direction": "0",
     "int32_t loss": "0",
@@ -75,9 +75,9 @@ VALID = {
 }
 VALID_OF = {  # where a function needs another
     ("marble_problem_set_matrix", "part"): '"Q"',
-    ("marble_options_set", "name"): '"starts"',
-    ("marble_options_set_number", "name"): '"starts"',
-    ("marble_options_get", "name"): '"starts"',
+    ("marble_options_set", "name"): '"num_starts"',
+    ("marble_options_set_number", "name"): '"num_starts"',
+    ("marble_options_get", "name"): '"num_starts"',
     ("marble_solution_number", "name"): '"gap"',
     ("marble_call_set_rows_vector", "name"): '"g"',
     ("marble_solution_weak", "name"): '"pairs"',

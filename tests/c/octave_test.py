@@ -49,8 +49,8 @@ with tempfile.TemporaryDirectory() as work:
     hopper.write_text(run(BUILD / "bin/marble", "example", "hopper", "--steps", "5"))
     (pathlib.Path(work) / "hopper.m").write_text(script(json.loads(hopper.read_text())))
     answer = json.loads(run(BUILD / "bin/marble", "solve", "--quiet", "--output", "json", hopper))
-    told = run("octave-cli", "--no-gui", "--norc", "--path", work, "--path", FOLDER, "--path", ROOT / "tests/c", "--eval",
+    reported = run("octave-cli", "--no-gui", "--norc", "--path", work, "--path", FOLDER, "--path", ROOT / "tests/c", "--eval",
                "octave_test").split()
     expected = [struct.pack(">d", number).hex() for number in answer["z"]]
-    if told != expected:
-        sys.exit(f"other bits than the program's: {told[:3]}… and {expected[:3]}…")
+    if reported != expected:
+        sys.exit(f"other bits than the program's: {reported[:3]}… and {expected[:3]}…")

@@ -19,9 +19,9 @@ namespace {
 // AddressSanitizer keeps freed memory back, ThreadSanitizer keeps shadows of all that was ever touched: there
 // the resident size says nothing of the server. AddressSanitizer looks for leaks itself, at exit.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kMemoryTells = false;
+constexpr bool kMemoryReports = false;
 #else
-constexpr bool kMemoryTells = true;
+constexpr bool kMemoryReports = true;
 #endif
 
 struct Crowd {
@@ -98,7 +98,7 @@ class Chaos : public ::testing::Test {
       EXPECT_TRUE(lines.empty()) << lines.size() << " lines with \"" << bad << "\": " << lines.front();
     }
     const auto last = server_->log_lines({"stopped", "failed=0"});
-    EXPECT_EQ(last.size(), 1U) << "it tells that no job failed";
+    EXPECT_EQ(last.size(), 1U) << "it reports that no job failed";
     server_ = nullptr;
   }
 
@@ -137,18 +137,18 @@ class Chaos : public ::testing::Test {
     (void)v1::Status_Name(v1::STATUS_SOLVED);
     std::uint64_t seed = static_cast<std::uint64_t>(number_from("MARBLE_CHAOS_SEED", 1));
     for (const Crowd& crowd : kCrowds) {
-      for (int i = 0; i < crowd.size; ++i) clients_.push_back(crowd.make(world_, seed++));
+      for (int i = 0; i < crowd.size; ++i) clients_.push_back(crowd.make(environment_, seed++));
     }
     for (const auto& client : clients_) threads_.emplace_back([&client] { client->run(); });
   }
 
   void TearDown() override {
-    world_.resume();
+    environment_.resume();
     stop_clients();
   }
 
   void stop_clients() {
-    world_.stop();
+    environment_.stop();
     for (std::thread& thread : threads_) thread.join();
     threads_.clear();
   }
@@ -173,7 +173,7 @@ class Chaos : public ::testing::Test {
   }
 
   const std::string address_ = "127.0.0.1:" + std::to_string(free_port());
-  World world_{address_, crowd()};
+  Environment environment_{address_, crowd()};
   std::unique_ptr<ServerProcess> server_;
   std::unique_ptr<v1::Server::Stub> info_;
   std::vector<std::unique_ptr<Client>> clients_;
@@ -188,16 +188,16 @@ TEST_F(Chaos, ServerSurvives) {
   for_part(0.35);
 
   // Drained and started again under load, at the same address.
-  world_.next_generation();
+  environment_.next_generation();
   end_server();
   start_server();
-  world_.next_generation();
+  environment_.next_generation();
   for_part(0.25);
 
-  world_.rest();
+  environment_.rest();
   ASSERT_NO_FATAL_FAILURE(expect_idle());
   const double before = resident_mib(server_->pid());
-  world_.resume();
+  environment_.resume();
   for_part(0.4);
 
   stop_clients();
@@ -212,13 +212,13 @@ TEST_F(Chaos, ServerSurvives) {
     after = resident_mib(server_->pid());
     return after <= bound;
   };
-  const bool small = !kMemoryTells || eventually(settled, std::chrono::seconds(20));
-  if (!kMemoryTells) after = resident_mib(server_->pid());
+  const bool small = !kMemoryReports || eventually(settled, std::chrono::seconds(20));
+  if (!kMemoryReports) after = resident_mib(server_->pid());
   std::printf("resident: %.1f MiB warmed up, %.1f MiB at the end\n", before, after);
   EXPECT_TRUE(small) << "more than " << bound << " MiB";
   end_server();
   print_tallies();
-  for (const std::string& fault : world_.faults()) ADD_FAILURE() << fault;
+  for (const std::string& fault : environment_.faults()) ADD_FAILURE() << fault;
   for (const auto& client : clients_) EXPECT_GT(client->tally().at("episodes"), 1) << client->kind();
 }
 

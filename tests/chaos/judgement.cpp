@@ -39,7 +39,7 @@ const std::vector<v1::SolveRequest>& small_problems() {
 
 Judgement judge(const v1::Problem& problem, const v1::Solution& solution) {
   const bool solved = solution.status() == v1::STATUS_SOLVED;
-  const bool reduced = solution.status() == v1::STATUS_SOLVED_REDUCED;
+  const bool reduced = solution.status() == v1::STATUS_ALMOST_SOLVED;
   Judgement judgement;
   judgement.solved = solved || reduced;
   const std::string what = problem.name() + ", " + v1::Status_Name(solution.status()) + ": ";

@@ -98,8 +98,8 @@ TEST_F(Ampl, AnAnswerHasMessageSizesDualsPrimalsAndCode) {
   }
 }
 
-TEST_F(Ampl, GlobalModeTellsBoundAndGap) {
-  const Sol sol = solve(corner(3.0), "global=true");
+TEST_F(Ampl, GlobalModeReportsBoundAndGap) {
+  const Sol sol = solve(corner(3.0), "global_search=true");
   ASSERT_EQ(sol.suffix("bound").size(), 1U) << sol.message;
   EXPECT_NEAR(std::strtod(sol.suffix("bound")[0].c_str() + 2, nullptr), 2.5, 1e-5);
   EXPECT_EQ(sol.suffix("gap").size(), 1U);
@@ -107,7 +107,7 @@ TEST_F(Ampl, GlobalModeTellsBoundAndGap) {
 }
 
 // max 3 x0 + 5 x1 with x0 <= 4, 2 x1 <= 12, 3 x0 + 2 x1 <= 18: 36.
-TEST_F(Ampl, AMaximumIsToldAsTheFileHasItEverywhere) {
+TEST_F(Ampl, AMaximumIsReportedAsTheFileHasItEverywhere) {
   const auto wyndor = [](double of_x0, double of_x1, bool pair = false) {
     NlWriter nl(false, 2, 3, 1);
     for (int row = 0; row < 3; ++row) nl.key('C').integer(row).constant(0.0);
@@ -131,7 +131,8 @@ TEST_F(Ampl, AMaximumIsToldAsTheFileHasItEverywhere) {
   EXPECT_TRUE(json["maximize"].get<bool>());
   // Of two variables of which one is 0: max 3 x0 + 5 x1 is 30, and so is the bound of it.
   const std::string paired = quoted(file("paired.nl", wyndor(3.0, 5.0, true)));
-  const Json proved = run("solve --local --quiet --output json --option global=true " + paired).lines().at(0);
+  const Json proved =
+      run("solve --local --quiet --output json --option global_search=true " + paired).lines().at(0);
   EXPECT_NEAR(proved["objective"].get<double>(), 30.0, 1e-6) << proved;
   EXPECT_TRUE(proved["proved"].get<bool>()) << proved;
   EXPECT_NEAR(proved["bound"].get<double>(), 30.0, 1e-3) << proved;
@@ -170,7 +171,7 @@ TEST_F(Ampl, OptionsComeFromTheEnvironmentAndTheCommandLineCounts) {
   EXPECT_EQ(wrong.lines[8], "0") << "no primals";
 }
 
-TEST_F(Ampl, OutlevTellsOfEveryIteration) {
+TEST_F(Ampl, OutlevReportsOfEveryIteration) {
   static_cast<void>(solve(corner(3.0), "outlev=1"));
   EXPECT_NE(out_.find("objective"), std::string::npos) << out_;
 }
@@ -234,13 +235,13 @@ TEST_F(Ampl, WithoutAmplTheMessageIsPrintedAndTheSolFileHasNoCode) {
   EXPECT_EQ(sol.lines.size(), 13U) << "the answer's last line is the file's";
 }
 
-TEST_F(Ampl, VersionAndOptionsAreTold) {
+TEST_F(Ampl, VersionAndOptionsAreReported) {
   const Result version = run("-v");
   EXPECT_EQ(version.exit_code, 0);
   EXPECT_TRUE(version.out.starts_with("marble ")) << version.out;
   const Result options = run("-=");
   EXPECT_EQ(options.exit_code, 0);
-  for (const char* const name : {"time_limit_s", "global", "server", "outlev"})
+  for (const char* const name : {"time_limit_s", "global_search", "server", "outlev"})
     EXPECT_NE(options.out.find(name), std::string::npos) << name;
 }
 

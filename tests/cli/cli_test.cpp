@@ -1,4 +1,5 @@
-// The contract of the program `marble`: exit codes, what goes to which stream, and what a bad file is told.
+// The contract of the program `marble`: exit codes, what goes to which stream, and what a bad file is
+// reported.
 #include "cli_test.h"
 
 namespace marble::testing {
@@ -61,9 +62,9 @@ TEST_F(Cli, UsageErrorsExitTwoAndSayWhatIsWrong) {
   const Result option = run("solve --local --option kappa_factor=2 " + good);
   EXPECT_EQ(option.exit_code, 2);
   EXPECT_NE(option.err.find("kappa_factor = 2: must be in [0.001, 0.99]"), std::string::npos) << option.err;
-  EXPECT_NE(
-      run("solve --local --option gap_tolerance=1 " + good).err.find("gap_tolerance = 1: must be in [0, 0.9"),
-      std::string::npos);
+  EXPECT_NE(run("solve --local --option relative_gap_tolerance=1 " + good)
+                .err.find("relative_gap_tolerance = 1: must be in [0, 0.9"),
+            std::string::npos);
   EXPECT_NE(run("solve --local --option node_limit=0 " + good).err.find("node_limit = 0: must be in [1, "),
             std::string::npos);
   EXPECT_NE(run("solve --local --option nonsense=1 " + good).err.find("nonsense: is not an option"),
@@ -161,30 +162,30 @@ TEST_F(Cli, TheBestKnownObjectiveIsPassedOn) {
   EXPECT_NE(run("solve --local --quiet " + good).out.find("(best known 0.5)"), std::string::npos);
 }
 
-TEST_F(Cli, TellsTheDerivativesThatAFileAsksForHereAndFromAServer) {
+TEST_F(Cli, ReportsTheDerivativesThatAFileAsksForHereAndFromAServer) {
   const std::string good = quoted(file("good.json", kGood));
   const std::string ask = quoted(file("ask.json", R"({"directions":[{"g":[1,0]},{"r":[1],"Q":[1,0]}],
       "losses":[{"z":[1,0]}],"rows":{"E":[[1,0]],"columns":true}})"));
   const Result here = run("solve --local --quiet --output json --sensitivity " + ask + " " + good);
   ASSERT_EQ(here.exit_code, 0) << here.err;
-  const Json told = here.lines().at(0)["sensitivity"];
-  EXPECT_EQ(told["smooth"], true);
-  EXPECT_NEAR(told["changes"][0]["z"][1].get<double>(), -0.25, 1e-9);
-  EXPECT_NEAR(told["changes"][1]["z"][0].get<double>(), 0.375, 1e-9)
+  const Json reported = here.lines().at(0)["sensitivity"];
+  EXPECT_EQ(reported["smooth"], true);
+  EXPECT_NEAR(reported["changes"][0]["z"][1].get<double>(), -0.25, 1e-9);
+  EXPECT_NEAR(reported["changes"][1]["z"][0].get<double>(), 0.375, 1e-9)
       << "z₁ = (2 + 2r) / (4 + q), r and q rise";
-  EXPECT_EQ(told["changes"][0]["holds"], true);
-  EXPECT_NEAR(told["gradients"][0]["g"][1].get<double>(), -0.25, 1e-9);
-  EXPECT_NEAR(told["rows"]["response"][0][0].get<double>(), 0.25, 1e-9);
-  EXPECT_EQ(told["rows"]["values"][0], here.lines().at(0)["z"][0]);
+  EXPECT_EQ(reported["changes"][0]["holds"], true);
+  EXPECT_NEAR(reported["gradients"][0]["g"][1].get<double>(), -0.25, 1e-9);
+  EXPECT_NEAR(reported["rows"]["response"][0][0].get<double>(), 0.25, 1e-9);
+  EXPECT_EQ(reported["rows"]["values"][0], here.lines().at(0)["z"][0]);
 
   ServerProcess server(MARBLE_SERVER_BINARY);
   const std::string there = "solve --quiet --server " + server.address() + " --sensitivity " + ask + " ";
-  EXPECT_EQ(run(there + "--output json " + good).lines().at(0)["sensitivity"], told);
+  EXPECT_EQ(run(there + "--output json " + good).lines().at(0)["sensitivity"], reported);
   EXPECT_NE(run(there + good).out.find("derivatives     2 directions, 1 loss, 1 row\n"), std::string::npos);
   EXPECT_EQ(run(there + quoted(file("never.json", kUnsolvable))).exit_code, 2) << "of another size";
 }
 
-TEST_F(Cli, WhatAFileAsksOfDerivativesIsToldWhereItDoesNotFit) {
+TEST_F(Cli, WhatAFileAsksOfDerivativesIsReportedWhereItDoesNotFit) {
   const std::string good = quoted(file("good.json", kGood));
   const auto refused = [&](const std::string& ask) {
     const Result result =

@@ -37,8 +37,8 @@ class Cli : public ::testing::Test {
     }
   };
 
-  /// Starts marble by a shell that becomes it, so that the streams can be told apart and standard input be
-  /// given. `environment` holds "NAME=value"; `err` may name a terminal.
+  /// Starts marble by a shell that becomes it, so that the streams can be distinguished and standard input
+  /// be given. `environment` holds "NAME=value"; `err` may name a terminal.
   Run start(const std::string& arguments, const std::string& input = "/dev/null",
             std::vector<std::string> environment = {}, std::string err = "") {
     const std::string out = directory_.file("out " + std::to_string(++runs_));

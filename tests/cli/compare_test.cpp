@@ -17,7 +17,7 @@ class Compare : public Cli {
  protected:
   std::string good() { return quoted(file("good.json", kGood)); }
 
-  /// A peer that prints what it is told to, after whatever else it does.
+  /// A peer that prints what it is asked to, after whatever else it does.
   std::string peer(const std::string& name, const std::string& prints, const std::string& does = "true") {
     const std::string script =
         file(name + ".sh", "test -s \"$1\" || exit 9\n" + does + "\ncat <<'END'\n" + prints + "\nEND\n");
@@ -53,7 +53,7 @@ TEST_F(Compare, ThisSolverByOptionsAndAPeerAreJudgedAlike) {
     EXPECT_NEAR(std::stod(row(result, name).objective), 0.5, 1e-3) << name;
   }
   EXPECT_EQ(row(result, "right").status, "optimal");
-  EXPECT_EQ(row(result, "right").seconds, "1e-09") << "as it told itself";
+  EXPECT_EQ(row(result, "right").seconds, "1e-09") << "as it reported itself";
   EXPECT_NE(result.out.find("right is the fastest on 1 of 1 problems (100 %), at worst 1.0 times slower"),
             std::string::npos)
       << result.out;
@@ -78,7 +78,7 @@ TEST_F(Compare, BothMeasuresOfComplementarityAreCounted) {
   EXPECT_NE(strict.out.find("near    1         0         1"), std::string::npos) << strict.out;
 }
 
-TEST_F(Compare, APeerThatGivesNoAnswerIsToldWithItsReason) {
+TEST_F(Compare, APeerThatGivesNoAnswerIsReportedWithItsReason) {
   const struct {
     std::string name, arguments, reason;
   } all[] = {
@@ -146,7 +146,7 @@ TEST_F(Compare, WritesItsTableAndItsProfile) {
   }
 }
 
-TEST_F(Compare, WhatIsWrongIsToldBeforeAnythingIsSolved) {
+TEST_F(Compare, WhatIsWrongIsReportedBeforeAnythingIsSolved) {
   const struct {
     std::string arguments, words;
   } all[] = {
@@ -276,8 +276,8 @@ TEST_F(Compare, TheFiguresOfAladinBetaAreReproduced) {
   EXPECT_NEAR(s, 1.0, 1e-10);
   EXPECT_NEAR(t, 0.0, 1e-10);
   // Where it fails from far, another goes on, and the table says how often.
-  const std::string told = ",aladin_beta,ALADIN-beta,5,5," + std::to_string(back) + ",";
-  EXPECT_NE(read_file(csv).find(told), std::string::npos) << told << '\n' << read_file(csv);
+  const std::string reported = ",aladin_beta,ALADIN-beta,5,5," + std::to_string(back) + ",";
+  EXPECT_NE(read_file(csv).find(reported), std::string::npos) << reported << '\n' << read_file(csv);
 }
 
 TEST_F(Compare, TheFiguresOfAladinBetaAreDrawn) {

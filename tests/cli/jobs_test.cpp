@@ -86,7 +86,7 @@ TEST_F(JobCommands, AnArrayWithAFileThatCannotBeReadIsNotSubmitted) {
   EXPECT_EQ(marble("jobs --output json").lines().size(), 0U);
 }
 
-TEST_F(JobCommands, WithoutWaitAnArrayTellsWhatThereIs) {
+TEST_F(JobCommands, WithoutWaitAnArrayReportsWhatThereIs) {
   const std::string running = submit_long();
   const std::string id = first_line(marble("submit --array " + good() + " " + good()).out);
   const Result nothing = marble("result " + id);
@@ -99,7 +99,7 @@ TEST_F(JobCommands, WithoutWaitAnArrayTellsWhatThereIs) {
   EXPECT_EQ(std::count(all.out.begin(), all.out.end(), '\n'), 2);
 }
 
-TEST_F(JobCommands, JobTellsTheTraceThatTheEnvironmentGave) {
+TEST_F(JobCommands, JobReportsTheTraceThatTheEnvironmentGave) {
   const std::string trace = "4bf92f3577b34da6a3ce929d0e0e4736";
   const Result solved = run("solve --output json " + good() + " --server " + server_.address(), "/dev/null",
                             {"TRACEPARENT=00-" + trace + "-00f067aa0ba902b7-01"});
@@ -168,7 +168,7 @@ TEST_F(JobCommands, NamesOfOthersCannotDriveTheTerminal) {
   }
 }
 
-TEST_F(JobCommands, JobTellsChangedOptionsTimesAndTrace) {
+TEST_F(JobCommands, JobReportsChangedOptionsTimesAndTrace) {
   const std::string id = submit("--option max_iterations=777 --option polish=false " + good());
   ASSERT_EQ(marble("result --wait " + id).exit_code, 0);
   const std::string csv = directory_.file("trace.csv");
@@ -234,7 +234,7 @@ TEST_F(JobCommands, CancelGivesTheBestIterateAndDeleteLetsGo) {
   EXPECT_EQ(marble("cancel " + id).exit_code, 2);
 }
 
-TEST_F(JobCommands, SolveTellsItsPlaceInTheQueue) {
+TEST_F(JobCommands, SolveReportsItsPlaceInTheQueue) {
   const std::string running = submit_long();
   const std::string before = submit(good());
   const Run solve = start("solve " + good() + " --server " + server_.address());

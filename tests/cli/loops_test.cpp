@@ -29,7 +29,7 @@ TEST_F(LoopCommands, BatchAnswersEveryFileOnce) {
   for (const auto& [path, count] : seen) EXPECT_EQ(count, 1) << path;
 }
 
-TEST_F(LoopCommands, BatchWithoutAServerTellsEveryFile) {
+TEST_F(LoopCommands, BatchWithoutAServerReportsEveryFile) {
   const std::string good = quoted(file("good.json", kGood));
   const Result result =
       run("batch --output json --server 127.0.0.1:1 " + good + " " + good + " " + good + " " + good);
@@ -111,7 +111,7 @@ TEST_F(LoopCommands, CtrlCEndsMpc) {
   EXPECT_TRUE(eventually([&] { return marble("info --output json").lines().at(0)["sessions"] == 0; }));
 }
 
-TEST_F(LoopCommands, InfoTellsLimitsAndCountersOfSessions) {
+TEST_F(LoopCommands, InfoReportsLimitsAndCountersOfSessions) {
   ASSERT_EQ(marble("mpc hopper --steps 4 --ticks 2").exit_code, 0);
   const Json info = marble("info --output json").lines().at(0);
   EXPECT_EQ(info["sessions_opened"], 1);

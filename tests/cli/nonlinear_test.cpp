@@ -1,4 +1,4 @@
-// Nonlinear .nl files on the command line: what is told, here and over a server, and what may be set.
+// Nonlinear .nl files on the command line: what is reported, here and over a server, and what may be set.
 #include "cli_test.h"
 #include "formats/nl_writer.h"
 
@@ -55,13 +55,13 @@ TEST_F(NonlinearFile, AnAnswerHasStatusNumbersAndWork) {
   }
 }
 
-TEST_F(NonlinearFile, ARowIsToldForEachIterationUnlessItIsToBeQuiet) {
+TEST_F(NonlinearFile, ARowIsReportedForEachIterationUnlessItIsToBeQuiet) {
   const std::string model = path(valley(3.0));
-  const Result told = run("solve --local " + model), quiet = run("solve --local --quiet " + model);
-  EXPECT_EQ(told.exit_code, 0);
-  EXPECT_NE(told.err.find("violation      step    radius"), std::string::npos) << told.err;
-  EXPECT_NE(told.err.find("\n    1 "), std::string::npos) << told.err;
-  EXPECT_NE(told.out.find("valley: solved"), std::string::npos) << told.out;
+  const Result reported = run("solve --local " + model), quiet = run("solve --local --quiet " + model);
+  EXPECT_EQ(reported.exit_code, 0);
+  EXPECT_NE(reported.err.find("violation      step    radius"), std::string::npos) << reported.err;
+  EXPECT_NE(reported.err.find("\n    1 "), std::string::npos) << reported.err;
+  EXPECT_NE(reported.out.find("valley: solved"), std::string::npos) << reported.out;
   EXPECT_EQ(quiet.err, "");
 }
 

@@ -77,7 +77,7 @@ TEST_F(Trace, OfAJobHasTheSameRows) {
     EXPECT_EQ(without_time(of_job[i]), without_time(of_solve[i]));
 }
 
-TEST_F(Trace, AFileThatCannotBeWrittenIsToldBeforeTheSolve) {
+TEST_F(Trace, AFileThatCannotBeWrittenIsReportedBeforeTheSolve) {
   const Result result = run("solve --local --trace /nonexistent/t.csv " + rocket());
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_EQ(result.err, "marble: /nonexistent/t.csv: cannot be written: No such file or directory\n");

@@ -53,19 +53,19 @@ TEST_F(Async, ManyGoOnAtOnce) {
   for (PendingSolution& one : pending) EXPECT_EQ(one.get().value().z, here.z);
 }
 
-TEST_F(Async, ProgressIsToldUntilItIsCancelled) {
+TEST_F(Async, ProgressIsReportedUntilItIsCancelled) {
   Counter counter;
   auto pending = client_.solve_async(endless_, tiny_steps_, {.progress = &counter}).value();
   ASSERT_TRUE(eventually([&] { return counter.rows > 10; }));
   EXPECT_FALSE(pending.is_ready());
   pending.cancel();
   EXPECT_EQ(pending.get().error().code, ErrorCode::cancelled);
-  const int told = counter.rows;
+  const int reported = counter.rows;
   EXPECT_TRUE(eventually([&] { return client_.info().value().running == 0; }));
-  EXPECT_EQ(counter.rows, told) << "nothing is told after the end";
+  EXPECT_EQ(counter.rows, reported) << "nothing is reported after the end";
 }
 
-TEST_F(Async, WhatIsToldIsWhatACallThatWaitsIsTold) {
+TEST_F(Async, WhatIsReportedIsWhatACallThatWaitsIsReported) {
   class Rows : public ProgressSink {
    public:
     void report(const Progress& row) override { objectives.push_back(row.objective); }
@@ -124,7 +124,7 @@ TEST_F(Async, TheConnectionsDeadlineIsThatOfCallsWithoutOne) {
   EXPECT_TRUE(client_.jobs().cancel(job).has_value());
 }
 
-TEST_F(Async, AHandleThatIsDroppedFreesTheWorkerAndTellsNothingMore) {
+TEST_F(Async, AHandleThatIsDroppedFreesTheWorkerAndReportsNothingMore) {
   auto counter = std::make_unique<Counter>();
   {
     const auto dropped = client_.solve_async(endless_, tiny_steps_, {.progress = counter.get()}).value();
@@ -166,7 +166,7 @@ TEST_F(Async, ItMayBeCancelledByACallbackOfItsOwnAndByAnotherThread) {
   EXPECT_EQ(other.get().error().code, ErrorCode::cancelled);
 }
 
-TEST_F(Async, ItOutlivesItsClientAndTellsOfAServerThatDies) {
+TEST_F(Async, ItOutlivesItsClientAndReportsOfAServerThatDies) {
   auto client = std::make_unique<Client>(Client::connect(server_.address()).value());
   Counter counter;
   auto pending = client->solve_async(endless_, tiny_steps_, {.progress = &counter}).value();
@@ -177,7 +177,7 @@ TEST_F(Async, ItOutlivesItsClientAndTellsOfAServerThatDies) {
   EXPECT_EQ(pending.get().error().code, ErrorCode::unavailable);
 }
 
-TEST_F(Async, ABadProblemIsToldAtTheServersWordOrBefore) {
+TEST_F(Async, ABadProblemIsReportedAtTheServersWordOrBefore) {
   OwnedProblem problem = examples::rocket();
   problem.b[3] = std::numeric_limits<double>::quiet_NaN();
   auto pending = client_.solve_async(problem.view());

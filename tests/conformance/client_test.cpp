@@ -132,7 +132,7 @@ TEST_F(ClientTest, TheDeadlineIsHard) {
                   .has_value());
 }
 
-TEST_F(ClientTest, EventsTellTheJob) {
+TEST_F(ClientTest, EventsReportTheJob) {
   std::string accepted;
   int position = -1;
   double queued = -1.0;

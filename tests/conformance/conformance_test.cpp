@@ -139,7 +139,7 @@ TEST_F(Conformance, ErrorsAreTheSame) {
   expect_same_error(good, options);
   for (const double tolerance : {-1e-9, 1.0, std::nan("")}) {
     options = {};
-    options.gap_tolerance = tolerance;
+    options.relative_gap_tolerance = tolerance;
     expect_same_error(good, options);
   }
   options = {};

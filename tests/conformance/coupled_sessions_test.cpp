@@ -81,7 +81,7 @@ TEST_F(CoupledSessions, AKilledServerCostsRepeatedBlocksAndNoError) {
   expect_the_answer_of_this_process(*answer);
 }
 
-TEST_F(CoupledSessions, AServerThatIsAwayFromTheBeginningIsPassedOver) {
+TEST_F(CoupledSessions, AServerThatIsAwayFromTheBeginningIsStarvationLimit) {
   start();
   servers_[0]->send(SIGKILL), servers_[0]->wait();
   const Client client = Client::connect(address_).value();
@@ -153,8 +153,8 @@ TEST_F(CoupledSessions, ALongHorizonsPiecesAgreeThoughAServerIsKilled) {
 
 TEST_F(CoupledSessions, OnOneServerItIsOneCallWithTheBitsOfThisProcess) {
   start();
-  std::vector<CoupledIteration> told;
-  const CoupledControls controls{.progress = [&](const CoupledIteration& now) { told.push_back(now); }};
+  std::vector<CoupledIteration> reported;
+  const CoupledControls controls{.progress = [&](const CoupledIteration& now) { reported.push_back(now); }};
   const RemoteCoupledSolution there = single_[0].solve_coupled(cell_.view(), {}, controls).value();
   const CoupledSolution here = solve_coupled(cell_.view()).value();
   EXPECT_EQ(there.joint.z, here.joint.z);
@@ -164,8 +164,8 @@ TEST_F(CoupledSessions, OnOneServerItIsOneCallWithTheBitsOfThisProcess) {
   EXPECT_EQ(there.coordination.last.iteration, here.coordination.last.iteration);
   EXPECT_EQ(there.coordination.last.factorizations, here.coordination.last.factorizations);
   EXPECT_EQ(there.places.back().variables, here.places.back().variables);
-  ASSERT_FALSE(told.empty());
-  EXPECT_EQ(told.back().proximal, here.coordination.last.proximal);
+  ASSERT_FALSE(reported.empty());
+  EXPECT_EQ(reported.back().proximal, here.coordination.last.proximal);
   EXPECT_EQ(single_[0].jobs().get(there.job_id)->job.kind, JobKind::coupled);
   const RemoteCoupledSolution in_process = Client::in_process().solve_coupled(cell_.view()).value();
   EXPECT_EQ(in_process.joint.z, here.joint.z);

@@ -55,11 +55,11 @@ TEST_F(InProcess, OneSolveHasTheBitsAndTheRowsOfTheServer) {
   CountedRows here, there;
   const CallControls call{.iterate_every = 2};
   const SolveControls from{.initial_z = p.initial_z};
-  SolveControls told_here = from, told_there = from;
-  told_here.progress = &here;
-  told_there.progress = &there;
-  expect_same_bits(here_.solve(p.view(), {}, told_here, call).value(),
-                   there_.solve(p.view(), {}, told_there, call).value());
+  SolveControls reported_here = from, reported_there = from;
+  reported_here.progress = &here;
+  reported_there.progress = &there;
+  expect_same_bits(here_.solve(p.view(), {}, reported_here, call).value(),
+                   there_.solve(p.view(), {}, reported_there, call).value());
   EXPECT_EQ(here.iterations, there.iterations);
   const auto even =
       std::count_if(here.iterations.begin(), here.iterations.end(), [](int i) { return i % 2 == 0; });

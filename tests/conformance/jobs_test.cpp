@@ -115,7 +115,7 @@ TEST_F(JobsTest, ListsByStateNewestFirstAndInPages) {
   EXPECT_EQ(jobs_.list({.limit = -1}).error().field, "limit");
 }
 
-TEST_F(JobsTest, AJobTellsItsOptionsAndItsTrace) {
+TEST_F(JobsTest, AJobReportsItsOptionsAndItsTrace) {
   Options options;
   options.max_iterations = 777;
   const auto job = jobs_.submit(example_.view(), options);
@@ -152,7 +152,7 @@ TEST_F(JobsTest, WatchingAJobEndsWithIt) {
   EXPECT_EQ(jobs_.get(job->job_id)->job.iterations, newest);
 }
 
-TEST_F(JobsTest, WatchingAllEndsWhenToldTo) {
+TEST_F(JobsTest, WatchingAllEndsWhenReportedTo) {
   std::stop_source source;
   const std::string id = submit_long();
   const auto watched = jobs_.watch("",
@@ -166,7 +166,7 @@ TEST_F(JobsTest, WatchingAllEndsWhenToldTo) {
   EXPECT_EQ(jobs_.watch("nothing", [](const JobEvent&) {}).error().code, ErrorCode::not_found);
 }
 
-TEST_F(JobsTest, APlaceInTheQueueThatChangesIsTold) {
+TEST_F(JobsTest, APlaceInTheQueueThatChangesIsReported) {
   const auto client = Client::connect(server_.address());
   const std::string blocker = submit_long();
   ASSERT_TRUE(comes_to(blocker, JobState::running));

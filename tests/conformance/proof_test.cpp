@@ -18,7 +18,7 @@ class ProofTest : public ::testing::Test {
  protected:
   static Options global(int node_limit = 1000000) {
     Options options;
-    options.global = true;
+    options.global_search = true;
     options.node_limit = node_limit;
     return options;
   }
@@ -179,8 +179,8 @@ TEST_F(ProofTest, ASessionThatKeepsItsTreeProvesEveryTickAsOneThatDoesNot) {
     EXPECT_TRUE(cold->proved) << cold->detail;
     EXPECT_NEAR(answer->objective, cold->objective, 2e-6 * scale);
     EXPECT_LE(answer->bound, cold->objective + 1e-7 * scale) << "a bound holds for every point";
-    EXPECT_EQ(cold->warm_nodes, 0);
-    warm += answer->warm_nodes > 0;
+    EXPECT_EQ(cold->reused_nodes, 0);
+    warm += answer->reused_nodes > 0;
     parameters = examples::advance(parameters, answer->z);
   }
   EXPECT_GE(warm, 10);

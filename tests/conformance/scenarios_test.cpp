@@ -1,4 +1,4 @@
-// One plan for many worlds by the C++ client: on a server and in process the same bits.
+// One plan for many scenarios by the C++ client: on a server and in process the same bits.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -13,24 +13,26 @@ namespace {
 
 class ClientScenarios : public ::testing::Test {
  protected:
-  [[nodiscard]] ScenarioProblem worlds() const { return rocket_.worlds({3.0, 4.5, 3.4, 4.1, 3.7, 4.3}); }
+  [[nodiscard]] ScenarioProblem scenarios() const {
+    return rocket_.scenarios({3.0, 4.5, 3.4, 4.1, 3.7, 4.3});
+  }
 
-  const examples::OneNumberWorlds rocket_ = examples::rocket_by_altitude();
+  const examples::OneNumberScenarios rocket_ = examples::rocket_by_altitude();
   ServerProcess server_{MARBLE_SERVER_BINARY};
   const Client there_ = Client::connect(server_.address()).value();
   const Client here_ = Client::in_process();
 };
 
 TEST_F(ClientScenarios, HaveTheSameBitsThereAndHere) {
-  std::vector<std::int64_t> told;
-  ScenarioSettings settings{.most_scenarios = 4};
-  settings.level = [&](const ScenarioLevel& level) { told.push_back(level.scenarios); };
-  const auto there = there_.solve_scenarios(worlds(), settings);
+  std::vector<std::int64_t> reported;
+  ScenarioSettings settings{.max_sample_size = 4};
+  settings.level = [&](const ScenarioLevel& level) { reported.push_back(level.scenarios); };
+  const auto there = there_.solve_scenarios(scenarios(), settings);
   ASSERT_TRUE(there) << there.error().message();
-  EXPECT_EQ(told, (std::vector<std::int64_t>{1, 2, 4}));
+  EXPECT_EQ(reported, (std::vector<std::int64_t>{1, 2, 4}));
   EXPECT_FALSE(there->job_id.empty());
   EXPECT_GT(there->total_s, 0.0);
-  const auto here = here_.solve_scenarios(worlds(), settings);
+  const auto here = here_.solve_scenarios(scenarios(), settings);
   ASSERT_TRUE(here) << here.error().message();
   EXPECT_EQ(there->end, here->end);
   EXPECT_EQ(there->x, here->x);
@@ -38,28 +40,28 @@ TEST_F(ClientScenarios, HaveTheSameBitsThereAndHere) {
   EXPECT_EQ(there->solution.complementarity_multipliers_L, here->solution.complementarity_multipliers_L);
   ASSERT_EQ(there->levels.size(), here->levels.size());
   for (std::size_t k = 0; k < here->levels.size(); ++k)
-    EXPECT_EQ(there->levels[k].fresh->mean, here->levels[k].fresh->mean);
+    EXPECT_EQ(there->levels[k].out_of_sample->mean, here->levels[k].out_of_sample->mean);
 }
 
 TEST_F(ClientScenarios, MayBeDrawnThere) {
-  ScenarioProblem problem = worlds();
+  ScenarioProblem problem = scenarios();
   problem.sample = nullptr;
   const std::vector<double> gain = {2.0};
   const ScenarioSampler sampler{.seed = 3,
                                 .quantities = {{.distribution = ScenarioDistribution::normal,
                                                 .effects = {{{ProblemPart::c0, {}}, gain}}}}};
-  const ScenarioSettings settings{.most_scenarios = 2, .fresh_scenarios = 4};
+  const ScenarioSettings settings{.max_sample_size = 2, .out_of_sample_scenarios = 4};
   const auto there = there_.solve_scenarios(problem, sampler, settings);
   ASSERT_TRUE(there) << there.error().message();
   const auto here = here_.solve_scenarios(problem, sampler, settings);
   ASSERT_TRUE(here) << here.error().message();
   EXPECT_EQ(there->x, here->x);
   EXPECT_EQ(there->objective, here->objective);
-  EXPECT_EQ(there->levels.back().fresh->half_width, here->levels.back().fresh->half_width);
+  EXPECT_EQ(there->levels.back().out_of_sample->half_width, here->levels.back().out_of_sample->half_width);
 }
 
 TEST_F(ClientScenarios, MayBeSubmittedAndWatched) {
-  const auto job = there_.jobs().submit(worlds(), ScenarioSettings{.most_scenarios = 4});
+  const auto job = there_.jobs().submit(scenarios(), ScenarioSettings{.max_sample_size = 4});
   ASSERT_TRUE(job) << job.error().message();
   std::vector<ScenarioLevel> levels;
   const auto watched =
@@ -79,13 +81,13 @@ TEST_F(ClientScenarios, MayBeSubmittedAndWatched) {
 }
 
 TEST_F(ClientScenarios, NameWhatIsWrongWithThem) {
-  ScenarioProblem problem = worlds();
+  ScenarioProblem problem = scenarios();
   problem.first_stage = {};
   const auto refused = there_.solve_scenarios(problem);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::invalid_argument);
   EXPECT_NE(refused.error().field.find("first_stage"), std::string::npos) << refused.error().field;
-  problem = worlds();
+  problem = scenarios();
   problem.sample = [](std::int64_t i) -> Expected<ScenarioNumbers> {
     return ScenarioNumbers{.g = std::vector<double>(i == 1 ? 3 : 0)};
   };
@@ -98,7 +100,7 @@ TEST_F(ClientScenarios, AreGivenUpByTheStopToken) {
   std::stop_source source;
   source.request_stop();
   for (const Client* client : {&there_, &here_}) {
-    const auto given_up = client->solve_scenarios(worlds(), {}, {.stop = source.get_token()});
+    const auto given_up = client->solve_scenarios(scenarios(), {}, {.stop = source.get_token()});
     ASSERT_FALSE(given_up);
     EXPECT_EQ(given_up.error().code, ErrorCode::cancelled);
   }

@@ -105,7 +105,7 @@ class SensitivityThere : public ::testing::Test {
   const Asked asked_{problem_};
 };
 
-TEST_F(SensitivityThere, EveryCallThatSolvesTellsTheBitsOfASolveHere) {
+TEST_F(SensitivityThere, EveryCallThatSolvesReportsTheBitsOfASolveHere) {
   const SolveControls controls{.sensitivity = &asked_.request};
   const Solution here = solve_in_process(problem_.view(), {}, controls).value();
   for (const Client* client : {&here_, &there_}) {
@@ -130,7 +130,7 @@ TEST_F(SensitivityThere, EveryCallThatSolvesTellsTheBitsOfASolveHere) {
   expect_same_derivatives(here, there_.jobs().result(job->job_id, {.wait = true}).value());
 }
 
-TEST_F(SensitivityThere, EachTickOfASessionTellsTheSameHereAndThere) {
+TEST_F(SensitivityThere, EachTickOfASessionReportsTheSameHereAndThere) {
   examples::HopperParameters parameters{.steps = kAskedSteps};
   auto here = here_.open_session(problem_.view()), there = there_.open_session(problem_.view());
   ASSERT_TRUE(here && there);
@@ -198,7 +198,7 @@ TEST_F(SensitivityThere, MoreThanTheServersLimitsIsRefusedByNameAndBound) {
             "sensitivity.directions.count = 5: must be at most 4 (sensitivity_directions)");
 }
 
-TEST_F(SensitivityThere, TheServerTellsItsLimits) {
+TEST_F(SensitivityThere, TheServerReportsItsLimits) {
   const auto info = there_.info();
   ASSERT_TRUE(info.has_value()) << info.error().message();
   EXPECT_EQ(info->sensitivity_rows, 5);
@@ -221,7 +221,7 @@ TEST(SensitivityLimitsThere, BytesOfRequestAndAnswerAreBounded) {
 TEST_F(SensitivityThere, WhatIsNotSolvedSaysSoAndIsNoError) {
   Options options;
   options.max_iterations = 1;
-  options.local_search_budget = options.feasibility_budget = 0;
+  options.max_local_search_factorizations = options.max_feasibility_factorizations = 0;
   options.polish = false;
   for (const Client* client : {&here_, &there_}) {
     SCOPED_TRACE(client->address());

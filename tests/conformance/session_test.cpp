@@ -106,7 +106,7 @@ TEST_F(SessionTest, AFirstPartIsCheckedBeforeItGoesOut) {
   }
 }
 
-TEST_F(SessionTest, NextTellsNothingOfAFirstPart) {
+TEST_F(SessionTest, NextReportsNothingOfAFirstPart) {
   auto session = client_->open_session(example_.view());
   ASSERT_TRUE(session.has_value());
   ASSERT_TRUE(session->prepare({}).has_value());

@@ -89,7 +89,7 @@ TEST_F(Several, WhatAKilledServerHadUnderWayIsAnsweredByTheOthers) {
   }
 }
 
-TEST_F(Several, WhatWasToldOfAlreadyIsNotRepeated) {
+TEST_F(Several, WhatWasReportedOfAlreadyIsNotRepeated) {
   const Client client = Client::connect(address_).value();
   const v1::SolveRequest request = long_request();
   int accepted = 0;

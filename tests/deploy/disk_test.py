@@ -50,7 +50,7 @@ def accepted(client, problem):
         return None
 
 
-def fills_up(disk, flags, mended=lambda: None):
+def fills_up(disk, flags, restored=lambda: None):
     add_addresses()
     server, problem = Server("a", flags), example()
     try:
@@ -62,7 +62,7 @@ def fills_up(disk, flags, mended=lambda: None):
                 jobs.append(job)
             assert client.solve(problem).status == marble.Status.SOLVED
             disk.free()
-            mended()
+            restored()
             jobs.append(eventually(lambda: accepted(client, problem), "room for a job"))
             answers = {client.jobs.result(job, wait=True, deadline=100).objective for job in jobs}
             assert len(answers) == 1

@@ -60,7 +60,7 @@ class Server:
         with tempfile.TemporaryDirectory() as folder:
             ready = Path(folder) / "addresses"
             self.process = subprocess.Popen(
-                [BUILD / "bin/marble-server", "--listen", self.address, "--http", f"{HOSTS[self.name]}:50080", "--insecure", "--anyone",
+                [BUILD / "bin/marble-server", "--listen", self.address, "--http", f"{HOSTS[self.name]}:50080", "--insecure", "--allow-anonymous",
                  "--workers", "1", "--log-level", "warn", "--address-file", ready, *self.flags],
                 stdin=subprocess.DEVNULL, preexec_fn=self.before)
             eventually(lambda: ready.exists() or self.process.poll() is not None, "a server's start")
@@ -184,7 +184,7 @@ class Nginx(Proxy):
                                   text=True).stdout.split())
 
     def leaving(self):
-        """The workers that have been told to end."""
+        """The workers that have been asked to end."""
         return self.workers("worker process is shutting down")
 
     def has_accepted(self, connection):
@@ -266,7 +266,7 @@ class NoProxy:
         pass
 
     def take_in(self, name):
-        time.sleep(2)  # it looks for the server again by itself, nothing tells when it has found it
+        time.sleep(2)  # it looks for the server again by itself, no event shows when it has found it
 
     def close(self):
         pass

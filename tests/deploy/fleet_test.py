@@ -76,7 +76,7 @@ def test_a_rolling_restart_under_full_load_is_seen_by_nobody(fleet, engine, prob
     assert load.stop().errors == []
 
 
-def test_an_old_worker_of_nginx_ends_though_a_connection_was_silent_when_it_was_told(fleet):
+def test_an_old_worker_of_nginx_ends_though_a_connection_was_silent_when_it_was_reported(fleet):
     class Impatient(Nginx):
         def command(self):
             words = super().command()

@@ -1,4 +1,4 @@
-"""What strangers may send, through the proxies of deploy/proxies: the servers' memory stays, and others are served."""
+"""What unauthenticated may send, through the proxies of deploy/proxies: the servers' memory stays, and others are served."""
 
 import shutil
 import socket

@@ -78,7 +78,7 @@ def test_their_programs_are_hardened_and_search_no_relative_folder_for_libraries
 
 
 def test_they_depend_on_what_debian_has_and_no_compiler(tree, packages):
-    # First what they need, so that what they bring themselves can be told apart.
+    # First what they need, so that what they bring themselves can be distinguished.
     for name in ("marble-server", "marble-cli"):
         depends = run("dpkg-deb", "--field", packages[name], "Depends")
         first = [re.split(r"[ |(]", part.strip())[0] for part in depends.split(",")]

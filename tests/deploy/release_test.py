@@ -68,7 +68,7 @@ class Release(unittest.TestCase):
         self.assertIn(why, done.stderr)
 
     def verify(self, signers):
-        """What the page "Check a release" tells users to type."""
+        """What the page "Check a release" has users type."""
         with (self.work / "packages/SHA256SUMS").open() as sums:
             return subprocess.run(["ssh-keygen", "-Y", "verify", "-f", signers, "-I", "marble-release", "-n", "marble-release",
                                    "-s", "SHA256SUMS.sig"], cwd=self.work / "packages", stdin=sums, capture_output=True)

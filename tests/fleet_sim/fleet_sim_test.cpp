@@ -72,9 +72,9 @@ TEST(FleetSim, EveryTickIsAnsweredLateOrSuperseded) {
   for (const bool sessions : {false, true}) {
     plan.sessions = sessions;
     const Outcome outcome = simulate(plan);
-    const std::int64_t told = outcome.answered + outcome.late + outcome.superseded;
-    EXPECT_LE(told, outcome.ticks);
-    EXPECT_GE(told, outcome.ticks - 2L * plan.planners) << "but those under way at the end";
+    const std::int64_t reported = outcome.answered + outcome.late + outcome.superseded;
+    EXPECT_LE(reported, outcome.ticks);
+    EXPECT_GE(reported, outcome.ticks - 2L * plan.planners) << "but those under way at the end";
     EXPECT_GT(outcome.missed(), 0.4);
     EXPECT_GT(outcome.busy, 0.99);
   }

@@ -1,4 +1,4 @@
-// What AMPL is told of an answer: dual values, reduced costs, and the .sol file they stand in.
+// What AMPL receives of a solution: dual values, reduced costs, and the .sol file they stand in.
 #include "nl/nl_answer.h"
 
 #include <gtest/gtest.h>
@@ -95,9 +95,9 @@ TEST(NlAnswer, AnAnswerGivenBackIsFoundAtOnce) {
     }
     const Solution start = initial_answer(nl);
     EXPECT_NEAR(start.objective, cold.objective, 1e-9);
-    const auto told = sums(nl.reduced_costs, 8, MultiplierView::of(start));
+    const auto reported = sums(nl.reduced_costs, 8, MultiplierView::of(start));
     const auto known = sums(nl.reduced_costs, 8, multipliers);
-    for (std::size_t j = 0; j < 8; ++j) EXPECT_NEAR(told[j], known[j], 1e-6) << j;
+    for (std::size_t j = 0; j < 8; ++j) EXPECT_NEAR(reported[j], known[j], 1e-6) << j;
     const Solution warm = solve_in_process(nl.file.problem.view(), {}, {.warm_start = &start}).value();
     EXPECT_EQ(warm.status, Status::solved);
     EXPECT_NEAR(warm.objective, cold.objective, 1e-9);

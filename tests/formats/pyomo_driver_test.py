@@ -62,7 +62,7 @@ def an_answer_has_status_primals_duals_and_reduced_costs():
 
 def options_and_limits_reach_the_solver():
     m = qpec()
-    result = solve(m, options={"global": "true", "gap_tolerance": 1e-3})
+    result = solve(m, options={"global_search": "true", "relative_gap_tolerance": 1e-3})
     assert "proved optimal" in result.solver.message, result.solver.message
     limited = solve(qpec(), options={"path": "paper", "polish": "false", "max_iterations": 2})
     assert limited.solver.termination_condition == TerminationCondition.maxIterations, limited
@@ -210,7 +210,7 @@ def integers_are_refused_with_the_variables_name():
     assert "variable switch (v" in result.solver.message, result.solver.message
 
 
-def the_version_is_told():
+def the_version_is_reported():
     solver = pyo.SolverFactory("marble")
     assert solver.available()
     assert solver.version() is not None
@@ -226,7 +226,7 @@ def main():
                 a_start_without_a_value_is_an_error_that_names_the_constraint,
                 a_start_at_a_bound_without_a_value_is_moved_off_it,
                 limits_and_settings_reach_the_nonlinear_loop, what_jumps_is_refused_with_the_constraints_name,
-                integers_are_refused_with_the_variables_name, the_version_is_told]
+                integers_are_refused_with_the_variables_name, the_version_is_reported]
     for promise in promises:
         promise()
         print("holds:", promise.__name__.replace("_", " "))

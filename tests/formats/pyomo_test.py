@@ -60,7 +60,7 @@ def model(bounds, wanted):
 
 
 def solve(paths):
-    run = subprocess.run([MARBLE, "solve", "--local", "--quiet", "--output", "json", "--option", "starts=8",
+    run = subprocess.run([MARBLE, "solve", "--local", "--quiet", "--output", "json", "--option", "num_starts=8",
                           *map(str, paths)], capture_output=True, text=True)
     return [json.loads(line) for line in run.stdout.splitlines()]
 
@@ -107,7 +107,7 @@ def main():
         assert answer["status"] == "solved" and abs(got - expected) <= 1e-6 * (1 + abs(expected)), \
             f"{what}: expected {expected}, got {answer['status']} {got}\n{path.read_text()}"
 
-    # 0 <= w <= 5 complements y loses its 5 on Pyomo's way: refused where that can be told.
+    # 0 <= w <= 5 complements y loses its 5 on Pyomo's way: refused where that can be detected.
     m = model((0.0, 50.0), (60.0, -5.0))
     m.condition = Complementarity(expr=complements(pyo.inequality(0, m.w, 5), m.y))
     pyo.TransformationFactory("mpec.nl").apply_to(m)

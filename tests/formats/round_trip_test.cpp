@@ -98,7 +98,7 @@ TEST(Formats, BrokenFilesAreRefusedWithTheirReason) {
   };
   EXPECT_NE(refused("a.npz", "PK nonsense").find("cannot be read as an .npz file"), std::string::npos);
   EXPECT_NE(refused("a.mat", "MATLAB nonsense").find("cannot be read as a MATLAB file"), std::string::npos);
-  // Octave's plain save and its -binary: what to do is told.
+  // Octave's plain save and its -binary: what to do is reported.
   for (const char* begin : {"# Created by Octave 7.3.0, Wed Nov 25 2026\n# name: Q\n", "Octave-1-L\0\0"})
     EXPECT_NE(refused("octave.mat", begin).find("save -v7 FILE"), std::string::npos) << begin;
   // A sparse matrix of MATLAB 4 with imaginary parts: its fourth column.

@@ -23,7 +23,7 @@ using namespace marble;
 
 namespace {
 
-constexpr std::int64_t kMostScenarios = 12;
+constexpr std::int64_t kMaxSampleSize = 12;
 constexpr int kMostDirections = 8;
 
 // A client in process has no limits of a server.
@@ -31,8 +31,8 @@ void limit_sizes(v1::SolveRequest* request) {
   fuzz::limit_budgets(request);
   if (request->has_scenarios()) {
     v1::Scenarios& s = *request->mutable_scenarios();
-    s.set_most_scenarios(std::min<std::int64_t>(s.most_scenarios(), kMostScenarios));
-    s.set_fresh_scenarios(std::min<std::int64_t>(s.fresh_scenarios(), kMostScenarios));
+    s.set_max_sample_size(std::min<std::int64_t>(s.max_sample_size(), kMaxSampleSize));
+    s.set_out_of_sample_scenarios(std::min<std::int64_t>(s.out_of_sample_scenarios(), kMaxSampleSize));
   }
   if (!request->has_sensitivity()) return;
   v1::SensitivityRequest& s = *request->mutable_sensitivity();

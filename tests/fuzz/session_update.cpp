@@ -33,7 +33,7 @@ OwnedProblem small_problem() {
 Options few_iterations() {
   Options few;
   few.max_iterations = 4;
-  few.local_search_budget = 0;
+  few.max_local_search_factorizations = 0;
   return few;
 }
 

@@ -65,14 +65,14 @@ class Wheel(unittest.TestCase):
             self.skipTest("hardening-check (devscripts) is not installed")
         self.assertEqual([], elf.hardening_faults(*elf.linked_files(self.installed / "marble")))
 
-    def test_the_licence_of_everything_inside_is_told(self):
+    def test_the_licence_of_everything_inside_is_reported(self):
         folder, = self.installed.glob("marble_solver-*.dist-info/licenses")
-        told = (folder / "INSIDE").read_text()
+        reported = (folder / "INSIDE").read_text()
         for library in self.installed.glob("marble_solver.libs/*"):
             name = re.sub(r"-[0-9a-f]{8}(\.so.*)", r"\1", library.name)
             if name != "libcurl.so.4":  # made by make-wheels, of nothing
-                self.assertIn(name.partition(".so")[0], told)
-        for line in told.split("\n\n")[1].splitlines():
+                self.assertIn(name.partition(".so")[0], reported)
+        for line in reported.split("\n\n")[1].splitlines():
             self.assertGreater((folder / line.partition(":")[0]).stat().st_size, 0, line)
         for text in folder.glob("*.copyright"):
             for name in re.findall(r"/usr/share/common-licenses/([\w.+-]*\w)", text.read_text()):
@@ -82,8 +82,8 @@ class Wheel(unittest.TestCase):
                          {file.name for file in folder.iterdir()})
 
     def test_it_solves_in_process_and_on_its_own_server_to_the_same_bits(self):
-        told = run("python", ANSWERS, env=self.clean, cwd=self.clean["HOME"])
-        self.assertIn("the same bits", told)
+        reported = run("python", ANSWERS, env=self.clean, cwd=self.clean["HOME"])
+        self.assertIn("the same bits", reported)
 
     def test_its_programs_run(self):
         version = (ROOT / "deploy/VERSION").read_text().strip()

@@ -44,7 +44,7 @@ TEST(Connection, ClientsThatAskForItHaveOneEach) {
   EXPECT_EQ(peers_of_three_clients(false), 1U);
 }
 
-// A server that drains refuses with `unavailable`, which clients repeat elsewhere unless told not to.
+// A server that drains refuses with `unavailable`, which clients repeat elsewhere unless it says otherwise.
 std::size_t refusals_of_one_call(bool retries) {
   ServerProcess server(MARBLE_SERVER_BINARY, {"--drain-grace-s", "3600"});
   ConnectOptions options;

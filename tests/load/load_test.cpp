@@ -1,4 +1,4 @@
-// marble-load against a real server: what it tells is what happened.
+// marble-load against a real server: what it reports is what happened.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -82,7 +82,7 @@ TEST_F(Load, CountsAreThoseOfTheServerInEveryModeAndBothLoops) {
   EXPECT_EQ(info().refused, 0);
 }
 
-TEST_F(Load, AMixIsSentByItsWeightsAndToldByItsNames) {
+TEST_F(Load, AMixIsSentByItsWeightsAndReportedByItsNames) {
   const TemporaryDirectory folder;
   std::ofstream(folder.file("mix.toml")) << R"(
     [[entry]]
@@ -275,7 +275,7 @@ TEST_F(Load, AnUnreachableServerAndARefusedSessionHaveAnExitCodeOfTheirOwn) {
   EXPECT_THAT(refused.output, HasSubstr("a session was not set up: resource_exhausted"));
 }
 
-TEST_F(Load, BadInputIsToldBeforeAnythingIsSent) {
+TEST_F(Load, BadInputIsReportedBeforeAnythingIsSent) {
   const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
       {{"closed", "--problem", "no-such-file.json"}, "no-such-file.json"},
       {{"closed", "--mode", "sessions"}, "--mode"},

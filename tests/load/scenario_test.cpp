@@ -52,7 +52,7 @@ TEST(Scenario, EveryKeyOfAnEntryIsRead) {
   EXPECT_EQ(scenario->entries[1].mode, std::nullopt);
 }
 
-TEST(Scenario, AFaultIsToldWithFileLineKeyValueAndRule) {
+TEST(Scenario, AFaultIsReportedWithFileLineKeyValueAndRule) {
   EXPECT_EQ(error_of("[[entry]]\nproblem = 'hopper'\nweight = -1\n"),
             "mix.toml:3: weight = -1: must be a number in [1e-06, 1e+06]");
   EXPECT_EQ(error_of("[[entry]]\nproblem = 'hoper'\n"),
@@ -69,12 +69,12 @@ TEST(Scenario, AFaultIsToldWithFileLineKeyValueAndRule) {
             "mix.toml:1: entries: is no key of a scenario; it has [[entry]] tables");
 }
 
-TEST(Scenario, WhatIsNotTomlIsToldWithItsLine) {
+TEST(Scenario, WhatIsNotTomlIsReportedWithItsLine) {
   EXPECT_EQ(error_of("[[entry]]\nproblem = \n").rfind("mix.toml:2", 0), 0u)
       << error_of("[[entry]]\nproblem = \n");
 }
 
-TEST(Scenario, WhatTomlPlusPlusTakesForGrantedIsToldToo) {
+TEST(Scenario, WhatTomlPlusPlusTakesForGrantedIsReportedToo) {
   // Undefined behaviour in toml++ 3.3 as it comes: see guarded_toml.h.
   EXPECT_EQ(error_of("[=w").rfind("mix.toml:1", 0), 0u) << error_of("[=w");
   const std::string letters = "[[entry]]\nproblem = 'jr1'\n\xc3\xa9 = 1\n";
@@ -89,7 +89,7 @@ TEST(Scenario, AnEntryHasEitherAProblemOrAFile) {
   EXPECT_EQ(error_of(""), "mix.toml: entry: there must be at least one [[entry]]");
 }
 
-TEST(Scenario, NamesTellEntriesApart) {
+TEST(Scenario, NamesReportEntriesApart) {
   const std::string twice = "[[entry]]\nproblem = 'jr1'\n[[entry]]\nproblem = 'jr1'\n";
   EXPECT_EQ(error_of(twice), "mix.toml:3: name = jr1: another entry has this name: give each its own");
 }
@@ -102,7 +102,7 @@ TEST(Scenario, ASolverOptionHasTheSolversOwnRule) {
   EXPECT_NE(beyond.find("options.kappa_min = 7"), std::string::npos) << beyond;
 }
 
-TEST(Scenario, AMissingFileIsToldByItsName) {
+TEST(Scenario, AMissingFileIsReportedByItsName) {
   const auto scenario = read_scenario("no/such/mix.toml");
   ASSERT_FALSE(scenario);
   EXPECT_EQ(scenario.error().code, ErrorCode::not_found);

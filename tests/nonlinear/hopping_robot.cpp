@@ -139,9 +139,9 @@ nonlinear::Derivatives HoppingRobot::derivatives(std::span<const double> x) {
 
 HoppingRobot::State step_of_the_world(const HoppingRobot::State& state, double torque,
                                       std::span<const double> guess) {
-  HoppingRobot world(1);
-  world.set(0, state);
-  nonlinear::Problem problem = world.problem();
+  HoppingRobot scenario(1);
+  scenario.set(0, state);
+  nonlinear::Problem problem = scenario.problem();
   std::copy(state.begin(), state.end(), problem.start.begin());
   std::copy_n(guess.begin(), std::size_t{HoppingRobot::kParts}, problem.start.begin() + HoppingRobot::kState);
   problem.lower.assign(problem.start.size(), -kUnlimited),

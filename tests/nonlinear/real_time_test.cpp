@@ -265,7 +265,7 @@ TEST(RealTime, SaysWhichPlanItReturnsWhereTheLcqpHasNone) {
   }
 }
 
-TEST(RealTime, BeginsAnewWhereItIsTold) {
+TEST(RealTime, BeginsAnewWhereItIsReported) {
   HoppingRobot robot(kHorizon);
   RealTime real_time = loop_of(robot, with_short_steps());
   ASSERT_TRUE(real_time.feedback(HoppingRobot::standing()).has_value());

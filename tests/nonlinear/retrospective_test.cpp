@@ -70,13 +70,13 @@ TEST(Retrospective, LevelsAreNestedAndGrowByTheFactor) {
     SampledBt6 bt6(1);
     const auto answer = solved_in_levels(bt6.sampled(), settings);
     EXPECT_TRUE(answer.has_value()) << answer.error().message();
-    std::vector<std::int64_t> told;
+    std::vector<std::int64_t> reported;
     for (const Level& level : answer->levels) {
-      EXPECT_EQ(level.level, static_cast<std::int32_t>(told.size()));
-      told.push_back(level.samples);
+      EXPECT_EQ(level.level, static_cast<std::int32_t>(reported.size()));
+      reported.push_back(level.samples);
     }
-    EXPECT_EQ(bt6.asked, told);
-    return told;
+    EXPECT_EQ(bt6.asked, reported);
+    return reported;
   };
   using Counts = std::vector<std::int64_t>;
   EXPECT_EQ(counts({.levels = 5}), (Counts{2, 4, 8, 16, 32}));
@@ -216,7 +216,7 @@ TEST(Retrospective, TheAnswerIsTheLastLevelsAndCountsAll) {
   std::int32_t iterations = 0, ticks = 0, evaluations = 0;
   for (const Level& level : answer->levels) {
     iterations += level.iterations, ticks += level.ticks, evaluations += level.evaluations;
-    EXPECT_GT(level.ticks, level.iterations) << "the one that tells the end";
+    EXPECT_GT(level.ticks, level.iterations) << "the one that reports the end";
     EXPECT_LE(level.linearisations, level.iterations + 1);
     EXPECT_TRUE(level.x.empty());
   }

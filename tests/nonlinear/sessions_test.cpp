@@ -67,7 +67,7 @@ class Counter final : public ProgressSink {
   int rows = 0;
 };
 
-TEST_F(NonlinearSessions, TellWhatTheirTicksDo) {
+TEST_F(NonlinearSessions, ReportWhatTheirTicksDo) {
   Counter counter;
   const auto answer =
       nonlinear::solve(problem_of(equilibrium_problems().back()), *there_, {.progress = &counter});

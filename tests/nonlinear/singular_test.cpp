@@ -43,9 +43,10 @@ TEST(NonlinearSingular, ASecondDerivativeThatIsInfiniteIsReplaced) {
     expect_optimum(above_zero("rising", start, 0, rising));
     expect_optimum(above_zero("falling", start, -4.0 / 27, falling));
   }
-  const auto told = end_of(above_zero("rising", 0, 0, rising));
-  ASSERT_TRUE(told.has_value());
-  EXPECT_NE(told->detail.find("entries of 1 Hessian were not finite"), std::string::npos) << told->detail;
+  const auto reported = end_of(above_zero("rising", 0, 0, rising));
+  ASSERT_TRUE(reported.has_value());
+  EXPECT_NE(reported->detail.find("entries of 1 Hessian were not finite"), std::string::npos)
+      << reported->detail;
 }
 
 // A multiplier of 0 times an infinite second derivative.

@@ -140,10 +140,10 @@ class Description(ServedTest):
             self.assertIn(self.ask(method, path, body)[0], (400, 404))
 
     def test_scenarios_and_coupled_blocks_are_described(self):
-        base = {**FIRST, "name": "worlds"}
+        base = {**FIRST, "name": "scenarios"}
         scenarios = {"problem": base, "scenarios": {
             "first_stage": [0], "samples": {"entries": [{"part": "PROBLEM_PART_GRADIENT", "positions": [1]}],
-                                            "values": [-4, -5, -6]}, "fresh_scenarios": "0"}}
+                                            "values": [-4, -5, -6]}, "out_of_sample_scenarios": "0"}}
         block = {"problem": {"gradient": [-1], "hessian": {"rows": 1, "columns": 1, "column_pointers": [0, 1],
                                                             "row_indices": [0], "values": [1]}},
                  "coupling": {"rows": 1, "columns": 1, "column_pointers": [0, 1], "row_indices": [0], "values": [1]}}
@@ -200,9 +200,9 @@ class GeneratedClient(ServedTest):
         self.assertEqual(result.solution.status, models.Status.STATUS_SOLVED)
         self.assertAlmostEqual(result.solution.objective, -4.0)
         self.assertAlmostEqual(result.solution.z[1], 2.0)
-        told = call("get_job", job_id=job_id).parsed
-        self.assertEqual(told.job.state, models.JobState.JOB_STATE_FINISHED)
-        self.assertEqual(told.trace.rows[-1].iteration, int(told.job.iterations))
+        reported = call("get_job", job_id=job_id).parsed
+        self.assertEqual(reported.job.state, models.JobState.JOB_STATE_FINISHED)
+        self.assertEqual(reported.trace.rows[-1].iteration, int(reported.job.iterations))
         chain = problem_of(json.loads(self.server.chain(40).read_text()))
         options = models.SolveOptions(path=models.Path.PATH_PAPER, polish=False, max_iterations=1000000, kappa_initial=1.0,
                                       rho_initial=1.0, rho_factor=1.00001, rho_max=1e12, equality_tolerance=1e-14,

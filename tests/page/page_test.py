@@ -246,12 +246,12 @@ class Page(unittest.TestCase):
 
     def test_a_job_shows_the_kind_of_its_solution_and_what_to_try(self):
         server = self.start()
-        local = server.submit(server.tiny(), "--option", "small_budget=0")
+        local = server.submit(server.tiny(), "--option", "max_small_problem_nodes=0")
         server.run("result", "--wait", local)
         self.open(server, f"/#/jobs/{local}")
         self.browser.wait_text("#why", "Kind: local minimum; no bound is known.")
-        self.browser.wait_text("#why", "What to try: starts=8 searches 8 times")
-        server.run("solve", "--quiet", "--option", "small_budget=0", server.tiny("unkept"))  # its result is not stored
+        self.browser.wait_text("#why", "What to try: num_starts=8 searches 8 times")
+        server.run("solve", "--quiet", "--option", "max_small_problem_nodes=0", server.tiny("unkept"))  # its result is not stored
         self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
         self.browser.wait_text("#why", "It is not proved that this is the optimum.")
         server.run("solve", "--quiet", server.tiny("proved"))
@@ -326,7 +326,7 @@ class Page(unittest.TestCase):
 
     def test_a_proof_shows_incumbent_bound_and_nodes(self):
         server = self.start()
-        limits = ["--option", "global=true", "--option", "node_limit=300", "--option", "gap_tolerance=0"]
+        limits = ["--option", "global_search=true", "--option", "node_limit=300", "--option", "relative_gap_tolerance=0"]
         server.run("solve", "--quiet", *limits, server.example("qpec"), check=False)
         [job] = server.jobs()
         self.assertFalse(job["proved"])
@@ -341,7 +341,7 @@ class Page(unittest.TestCase):
         for name, number in (("Nodes", job["nodes"]), ("Open nodes", job["open_nodes"])):
             self.assertRegex(facts, rf"{name}{number}(?!\d)")
         self.assertIn("tree of branch and bound", self.browser.text("#timings"))
-        server.run("solve", "--quiet", "--option", "global=true", server.tiny())
+        server.run("solve", "--quiet", "--option", "global_search=true", server.tiny())
         self.open(server)
         self.count_of_jobs(2)
         proofs = [row["proof"] for row in self.browser.rows()]
@@ -623,7 +623,7 @@ class Page(unittest.TestCase):
             self.work(server)
             time.sleep(4.0)
         server.environment["MARBLE_CLIENT_NAME"] = "arm-planner"
-        proof = server.submit(server.example("qpec"), "--option", "global=true", "--option", "gap_tolerance=0")
+        proof = server.submit(server.example("qpec"), "--option", "global_search=true", "--option", "relative_gap_tolerance=0")
         chain = server.chain(1000)
         for _ in range(3):
             server.submit(chain, *Server.ENDLESS)

@@ -90,7 +90,7 @@ class Files(unittest.TestCase):
 
     def solve(self, data, *options, files=None):
         self.problem_file.write_text(json.dumps(data))
-        return subprocess.run([MARBLE, "solve", "--local", "--quiet", "--output", "json", "--option", "global=true",
+        return subprocess.run([MARBLE, "solve", "--local", "--quiet", "--output", "json", "--option", "global_search=true",
                                "--proof", str(self.proof_file), *options, *(files or [str(self.problem_file)])],
                               capture_output=True, text=True, check=False)
 
@@ -164,7 +164,7 @@ class WhatIsProved(Files):
             self.assertEqual(self.check()[0], HOLDS)
 
     def test_a_tree_that_a_limit_ends_proves_its_own_bound(self):
-        solved = self.solve(random_bounded(3), "--option", "node_limit=1", "--option", "small_budget=0")
+        solved = self.solve(random_bounded(3), "--option", "node_limit=1", "--option", "max_small_problem_nodes=0")
         bound = json.loads(solved.stdout)["bound"]
         if bound is None:
             self.assertFalse(self.proof_file.exists())

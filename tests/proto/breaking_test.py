@@ -90,8 +90,8 @@ BREAKING = {
 }
 COMPATIBLE = {
     "a new field": ("solution", "double objective = 9;", "double objective = 9;\n  double spread = 99;"),
-    "a new optional field": ("options", "optional int32 starts = 19;",
-                             "optional int32 starts = 19;\n  optional bool verbose = 99;"),
+    "a new optional field": ("options", "optional int32 num_starts = 19;",
+                             "optional int32 num_starts = 19;\n  optional bool verbose = 99;"),
     "a new value of an enum": ("job", "PRIORITY_BATCH = 3;", "PRIORITY_BATCH = 3;\n  PRIORITY_IDLE = 4;"),
     "a new member of a oneof": ("service", "    Queued queued = 5;", "    Queued queued = 5;\n    Limits limits = 60;"),
     "a new message, enum, rpc and service": (
@@ -141,7 +141,7 @@ class Contract(unittest.TestCase):
             self.assertLessEqual(set(file.dependency), names)
             self.assertTrue(file.source_code_info.location, "no comments, which grpcurl describe shows")
 
-    def test_a_file_that_moves_is_told(self):
+    def test_a_file_that_moves_is_reported(self):
         folder = self.folder / "proto" / "marble" / "v1"
         (folder / "problem.proto").rename(folder / "lcqp.proto")
         for file in folder.glob("*.proto"):
@@ -149,7 +149,7 @@ class Contract(unittest.TestCase):
         changes = breaking(read(RELEASED), self.compile())
         self.assertIn("message marble.v1.Problem has moved from marble/v1/problem.proto to marble/v1/lcqp.proto", changes)
 
-    def test_a_package_that_changes_is_told(self):
+    def test_a_package_that_changes_is_reported(self):
         for file in (self.folder / "proto" / "marble" / "v1").glob("*.proto"):
             file.write_text(file.read_text().replace("package marble.v1;", "package marble.v2;"))
         self.assertIn("marble/v1/job.proto: package was marble.v1, is marble.v2",
@@ -177,7 +177,7 @@ def promise(words):
 
 
 def add(name, file, old, new, said, *more):
-    def told(self):
+    def reported(self):
         self.mutate(file, old, new, *more)
         changes = breaking(read(RELEASED), self.compile())
         if said:
@@ -185,11 +185,11 @@ def add(name, file, old, new, said, *more):
         else:
             self.assertEqual(changes, [])
 
-    setattr(Contract, promise(name), told)
+    setattr(Contract, promise(name), reported)
 
 
 for words, (file, old, new, said, *more) in BREAKING.items():
-    add(f"told if {words}", file, old, new, said, *more)
+    add(f"reported if {words}", file, old, new, said, *more)
 for words, (file, old, new, *more) in COMPATIBLE.items():
     add(f"compatible {words}", file, old, new, "", *more)
 

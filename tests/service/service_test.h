@@ -63,7 +63,7 @@ class ServiceTest : public ::testing::Test {
  protected:
   /// Starts the server. Tests say only what matters to them; everything else has its default.
   void start(const std::vector<std::string>& flags = {});
-  /// Whatever the test did to it, the server stops when told to and exits with 0.
+  /// Whatever the test did to it, the server stops when asked to and exits with 0.
   void TearDown() override;
 
   /// One unary solve.

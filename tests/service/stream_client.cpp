@@ -20,11 +20,11 @@ grpc::Status stream(v1::Solver::Stub& stub, grpc::ClientContext& context, const 
   v1::SolveStreamRequest request;
   *request.mutable_solve() = solve;
   const auto reader = stub.SolveStream(&context, request);
-  bool told = false;
+  bool reported = false;
   for (v1::SolveStreamResponse event; reader->Read(&event);) {
-    if (told || !std::ranges::any_of(event.progress().rows(), runs)) continue;
+    if (reported || !std::ranges::any_of(event.progress().rows(), runs)) continue;
     std::cout << "running" << std::endl;
-    told = true;
+    reported = true;
   }
   return reader->Finish();
 }
@@ -56,10 +56,10 @@ grpc::Status session(v1::Solver::Stub& stub, grpc::ClientContext& context) {
   stream->Write(request);
   request.mutable_update()->set_sequence(1);
   stream->Write(request);
-  bool told = false;
+  bool reported = false;
   for (v1::SessionResponse response; stream->Read(&response);) {
-    if (response.has_progress() && !told) std::cout << "running" << std::endl;
-    told = told || response.has_progress();
+    if (response.has_progress() && !reported) std::cout << "running" << std::endl;
+    reported = reported || response.has_progress();
   }
   return stream->Finish();
 }

@@ -106,8 +106,8 @@ TEST(Allocation, NoneInAnyFactorizationOfPolishAndLocalSearch) {
     int factorizations[2];
     for (const int searched : {0, 1}) {
       Options options;
-      options.small_budget = 0;  // a tree has workspace of its own
-      options.local_search_budget = searched == 0 ? 0 : 200;
+      options.max_small_problem_nodes = 0;  // a tree has workspace of its own
+      options.max_local_search_factorizations = searched == 0 ? 0 : 200;
       Solver solver = make(p, options);
       const std::int64_t before = allocations();
       const Solution s = solver.solve().value();

@@ -11,7 +11,7 @@
 
 namespace marble::testing {
 
-/// Keeps every row it is told, with its vectors.
+/// Keeps every row that is reported to it, with its vectors.
 class Rows : public ProgressSink {
  public:
   explicit Rows(bool pairs = false) : pairs_(pairs) {}
@@ -75,10 +75,11 @@ class FailingKkt final : public WrappedKkt {
 };
 
 struct Workbench {
-  explicit Workbench(const OwnedProblem& p, const Options& chosen = {}, Rows* told = nullptr)
+  explicit Workbench(const OwnedProblem& p, const Options& chosen = {}, Rows* reported = nullptr)
       : owned(p),
         options(chosen),
-        controls{.progress = told, .stop = told != nullptr ? told->source.get_token() : std::stop_token()},
+        controls{.progress = reported,
+                 .stop = reported != nullptr ? reported->source.get_token() : std::stop_token()},
         problem(scale(Problem::create(owned.view()).value(), options.scaling_passes)),
         kkt(make_kkt(problem)),
         run(options, controls) {

@@ -45,7 +45,7 @@ enum marble_error_code {
 };
 enum marble_status {
   MARBLE_STATUS_SOLVED = 0, /* All tolerances are met. */
-  MARBLE_STATUS_SOLVED_REDUCED = 1, /* Feasible to 100 times the tolerances, but no further progress was possible. */
+  MARBLE_STATUS_ALMOST_SOLVED = 1, /* Feasible to 100 times the tolerances, but no further progress was possible. */
   MARBLE_STATUS_ITERATION_LIMIT = 2, /* max_iterations was reached, or with option global node_limit; this is the best iterate. */
   MARBLE_STATUS_TIME_LIMIT = 3, /* time_limit_s was reached; this is the best iterate. */
   MARBLE_STATUS_CANCELLED = 4, /* The solve was cancelled by its client, by a cancel call or by a server that shuts down; this is the best iterate. */
@@ -175,11 +175,11 @@ int32_t marble_call_set_directions(marble_call* call, int32_t directions, const 
 int32_t marble_call_set_losses(marble_call* call, int32_t losses, const char* vector, const double* values,
                                int64_t count, marble_error* error);
 /* Requests the response of rows E z, m x n, to a price: with the cost mu'E z added the branch has
- * E z = free - response mu and the point z - columns mu. `tell_columns` other than 0 requests the last two.
+ * E z = free - response mu and the point z - columns mu. `report_columns` other than 0 requests the last two.
  * The pattern is as in marble_problem_set_matrix; rows = 0 requests none, and the rest may then be NULL. */
 int32_t marble_call_set_rows(marble_call* call, int32_t rows, int32_t columns, const int32_t* column_pointers,
                              int64_t entries, const int32_t* row_indices, const double* values,
-                             int32_t tell_columns, marble_error* error);
+                             int32_t report_columns, marble_error* error);
 /* Vectors for the rows: "proximal", a diagonal >= 0 that was added to Q and is excluded here, at the cost of
  * one more factorization; "g", the linear cost of free and z instead of the problem's. n numbers, or none. */
 int32_t marble_call_set_rows_vector(marble_call* call, const char* name, const double* values, int64_t count,

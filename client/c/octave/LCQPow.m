@@ -46,7 +46,7 @@ function [x, y, stats] = LCQPow(Q, g, L, R, varargin)
     p.z0 = params.x0;
   end
   answer = marble_solve(p, options);
-  if strcmp(answer.status, 'solved_reduced')
+  if strcmp(answer.status, 'almost_solved')
     warning('marble:almost_solved', 'LCQPow: almost solved: %s', answer.detail);
   end
 
@@ -58,7 +58,7 @@ function [x, y, stats] = LCQPow(Q, g, L, R, varargin)
   sides = n + size(A, 1) + (1:2 * pairs)';
   y(sides) = y(sides) + [answer.xi; answer.eta];
   stats = struct('iters_total', answer.iterations, 'elapsed_time', answer.total_s, ...
-                 'exit_flag', double(~any(strcmp(answer.status, {'solved', 'solved_reduced'}))), 'marble', answer);
+                 'exit_flag', double(~any(strcmp(answer.status, {'solved', 'almost_solved'}))), 'marble', answer);
 end
 
 function value = filled(value, default)

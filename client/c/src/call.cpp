@@ -21,28 +21,28 @@ std::int32_t set_seconds(marble_call* call, double marble_call::*which, double s
 
 }  // namespace
 
-void Teller::report(const marble::Progress& row) {
+void Reporter::report(const marble::Progress& row) {
   if (function_ == nullptr) return;
-  const marble_progress told = {.iteration = row.iteration,
-                                .outer_iteration = row.outer_iteration,
-                                .factorizations = row.factorizations,
-                                .reserved = 0,
-                                .objective = row.objective,
-                                .equality_violation = row.violations.equality,
-                                .inequality_violation = row.violations.inequality,
-                                .complementarity_violation = row.violations.complementarity,
-                                .kkt_residual = row.kkt_residual,
-                                .kappa = row.kappa,
-                                .rho = row.rho,
-                                .step_length = row.step_length,
-                                .regularization = row.regularization,
-                                .elapsed_s = row.elapsed_s,
-                                .incumbent = row.incumbent,
-                                .bound = row.bound,
-                                .gap = row.gap,
-                                .nodes = row.nodes,
-                                .open_nodes = row.open_nodes};
-  if (function_(&told, user_) != 0) stop_.request_stop();
+  const marble_progress reported = {.iteration = row.iteration,
+                                    .outer_iteration = row.outer_iteration,
+                                    .factorizations = row.factorizations,
+                                    .reserved = 0,
+                                    .objective = row.objective,
+                                    .equality_violation = row.violations.equality,
+                                    .inequality_violation = row.violations.inequality,
+                                    .complementarity_violation = row.violations.complementarity,
+                                    .kkt_residual = row.kkt_residual,
+                                    .kappa = row.kappa,
+                                    .rho = row.rho,
+                                    .step_length = row.step_length,
+                                    .regularization = row.regularization,
+                                    .elapsed_s = row.elapsed_s,
+                                    .incumbent = row.incumbent,
+                                    .bound = row.bound,
+                                    .gap = row.gap,
+                                    .nodes = row.nodes,
+                                    .open_nodes = row.open_nodes};
+  if (function_(&reported, user_) != 0) stop_.request_stop();
 }
 
 std::int32_t marble_call_create(marble_call** call, marble_error* error) {

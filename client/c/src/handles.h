@@ -55,9 +55,9 @@ struct marble_options {
 };
 
 /// Reports the rows to a C function.
-class Teller final : public marble::ProgressSink {
+class Reporter final : public marble::ProgressSink {
  public:
-  Teller(marble_progress_function function, void* user, std::stop_source stop)
+  Reporter(marble_progress_function function, void* user, std::stop_source stop)
       : function_(function), user_(user), stop_(std::move(stop)) {}
   void report(const marble::Progress& row) override;
 

@@ -55,7 +55,7 @@ marble::Error none(const char* field, const char* why) {
   return marble::failure(marble::ErrorCode::failed_precondition, field, why);
 }
 
-Expected<const marble::SensitivityAnswer*> told(const marble_solution* solution) {
+Expected<const marble::SensitivityAnswer*> reported(const marble_solution* solution) {
   if (solution == nullptr) return unexpected(null("solution"));
   const auto& sensitivity = solution->solution.sensitivity;
   if (!sensitivity) return unexpected(none("solution", "has no derivatives: none were asked for"));
@@ -130,7 +130,7 @@ std::int32_t marble_call_set_losses(marble_call* call, std::int32_t losses, cons
 std::int32_t marble_call_set_rows(marble_call* call, std::int32_t rows, std::int32_t columns,
                                   const std::int32_t* column_pointers, std::int64_t entries,
                                   const std::int32_t* row_indices, const double* values,
-                                  std::int32_t tell_columns, marble_error* error) {
+                                  std::int32_t report_columns, marble_error* error) {
   return change(call, "call", error, [&]() -> Expected<void> {
     Derivatives& asked = call->derivatives;
     if (rows != 0) {
@@ -141,7 +141,7 @@ std::int32_t marble_call_set_rows(marble_call* call, std::int32_t rows, std::int
       asked.E = {};
       asked.proximal.clear(), asked.g.clear();
     }
-    asked.columns = tell_columns != 0;
+    asked.columns = report_columns != 0;
     return {};
   });
 }
@@ -164,7 +164,7 @@ std::int32_t marble_solution_change(const marble_solution* solution, std::int32_
                                     const double** values, std::int64_t* count, marble_error* error) {
   none_lent(values, count);
   return guarded(error, [&]() -> Expected<void> {
-    const auto sensitivity = told(solution);
+    const auto sensitivity = reported(solution);
     if (!sensitivity) return unexpected(sensitivity.error());
     const marble::AnswerChanges& changes = (*sensitivity)->changes;
     if (std::ranges::count(changes.missing, direction) > 0)
@@ -177,7 +177,7 @@ std::int32_t marble_solution_change(const marble_solution* solution, std::int32_
 }
 
 std::int32_t marble_solution_holds(const marble_solution* solution, std::int32_t direction) {
-  const auto sensitivity = told(solution);
+  const auto sensitivity = reported(solution);
   if (!sensitivity || direction < 0) return -1;
   const marble::AnswerChanges& changes = (*sensitivity)->changes;
   const auto at = static_cast<std::size_t>(direction);
@@ -189,7 +189,7 @@ std::int32_t marble_solution_gradient(const marble_solution* solution, std::int3
                                       const double** values, std::int64_t* count, marble_error* error) {
   none_lent(values, count);
   return guarded(error, [&]() -> Expected<void> {
-    const auto sensitivity = told(solution);
+    const auto sensitivity = reported(solution);
     if (!sensitivity) return unexpected(sensitivity.error());
     const marble::ProblemGradients& gradients = (*sensitivity)->gradients;
     if (std::ranges::count(gradients.missing, loss) > 0) {
@@ -207,7 +207,7 @@ std::int32_t marble_solution_response(const marble_solution* solution, const cha
                                       const double** values, std::int64_t* count, marble_error* error) {
   none_lent(values, count);
   return guarded(error, [&]() -> Expected<void> {
-    const auto sensitivity = told(solution);
+    const auto sensitivity = reported(solution);
     if (!sensitivity) return unexpected(sensitivity.error());
     const auto& rows = (*sensitivity)->rows;
     if (!rows) return unexpected(none("rows", "have no response: none was asked for"));
@@ -222,7 +222,7 @@ std::int32_t marble_solution_weak(const marble_solution* solution, const char* n
                                   const std::int32_t** indices, std::int64_t* count, marble_error* error) {
   none_lent(indices, count);
   return guarded(error, [&]() -> Expected<void> {
-    const auto sensitivity = told(solution);
+    const auto sensitivity = reported(solution);
     if (!sensitivity) return unexpected(sensitivity.error());
     if (name == nullptr) return unexpected(null("name"));
     if (indices == nullptr) return unexpected(null("indices"));

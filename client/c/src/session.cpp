@@ -160,7 +160,7 @@ std::int32_t marble_session_solve(marble_session* session, marble_solution** sol
     const marble_call& call = session->call == nullptr ? none : *session->call;
     const std::shared_lock reading_call(call.usage, std::try_to_lock);
     if (!reading_call) return unexpected(in_use("call"));
-    Teller teller(call.function, call.user, call.stop.source());
+    Reporter reporter(call.function, call.user, call.stop.source());
     marble::ProblemUpdate update;
     update.c0 = session->c0;
 #define MARBLE_VECTOR(letter, field) update.letter = session->numbers.letter;
@@ -172,7 +172,7 @@ std::int32_t marble_session_solve(marble_session* session, marble_solution** sol
     controls.cold = session->cold;
     controls.shift = session->shift;
     controls.deadline = call.deadline();
-    controls.progress = call.function == nullptr ? nullptr : &teller;
+    controls.progress = call.function == nullptr ? nullptr : &reporter;
     const marble::SensitivityRequest wanted = call.derivatives.view();
     if (call.wants_derivatives()) controls.sensitivity = &wanted;
     auto answer = session->session.solve(update, controls);

@@ -69,9 +69,9 @@ std::int32_t marble_solve(const marble_client* client, const marble_problem* pro
     if (!reading) return unexpected(in_use("problem"));
     const std::shared_lock reading_call(given.usage, std::try_to_lock);
     if (!reading_call) return unexpected(in_use("call"));
-    Teller teller(given.function, given.user, given.stop.source());
+    Reporter reporter(given.function, given.user, given.stop.source());
     marble::SensitivityRequest wanted;
-    const marble::SolveControls controls = given.controls(&teller, wanted);
+    const marble::SolveControls controls = given.controls(&reporter, wanted);
     const marble::CallControls over = given.over(problem->problem.name);
     const marble::Options chosen = options == nullptr ? marble::Options() : options->options;
     const auto view = problem->problem.view();

@@ -83,7 +83,7 @@ Expected<void> apply(const std::vector<std::string>& assignments, Settings& sett
       settings.server = value;
     } else if (name == kOutlev.name) {
       if (value != "0" && value != "1") return unexpected(invalid(name, value, "must be 0 or 1"));
-      settings.tells = value == "1";
+      settings.reports = value == "1";
     } else {
       if (auto set = set_nonlinear_text(settings.nonlinear, name, value); !set) return set;
       if (is_nonlinear_word(name)) continue;

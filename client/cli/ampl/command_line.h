@@ -31,7 +31,7 @@ struct Settings {
   Options options;
   nonlinear::Settings nonlinear;  ///< for a nonlinear file
   std::string server;             ///< empty, or "local": this process
-  bool tells = false;             ///< outlev: a row per iteration, on standard output
+  bool reports = false;           ///< outlev: a row per iteration, on standard output
 };
 
 /// Splits AMPL's option marble_options into words at blanks: "name=value", "name = value" or, for a switch,

@@ -52,7 +52,7 @@ int code_of(Status status) {
   switch (status) {
     case Status::solved:
       return 0;
-    case Status::solved_reduced:
+    case Status::almost_solved:
       return 100;
     case Status::infeasible:
       return 200;
@@ -161,7 +161,7 @@ Expected<Solution> solve(const NlProblem& nl, const Settings& settings, std::sto
   const OwnedProblem& problem = nl.file.problem;
   IterationTable table(false, stdout);
   table.set_maximize(nl.file.maximize);
-  SolveControls controls{settings.tells ? &table : nullptr, std::move(stop), problem.initial_z};
+  SolveControls controls{settings.reports ? &table : nullptr, std::move(stop), problem.initial_z};
   const bool has_duals = std::ranges::any_of(nl.initial_duals, [](double dual) { return dual != 0.0; });
   std::optional<Solution> start;
   if (has_duals && !problem.initial_z.empty()) controls.warm_start = &start.emplace(initial_answer(nl));
@@ -180,7 +180,7 @@ Expected<nonlinear::Answer> solve(const NlNonlinear& nl, const Settings& setting
   nonlinear::Settings of = settings.nonlinear;
   of.stop = std::move(stop);
   NonlinearTable table(nl.sign(), false, stdout);
-  if (settings.tells) of.iteration = [&table](const nonlinear::Iteration& row) { table.report(row); };
+  if (settings.reports) of.iteration = [&table](const nonlinear::Iteration& row) { table.report(row); };
   ServerArguments arguments;
   arguments.server = settings.server;
   return solve_nonlinear(nl, of, is_here(settings) ? nullptr : &arguments);

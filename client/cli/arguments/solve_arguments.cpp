@@ -44,7 +44,7 @@ CLI::App* add_solve_command(CLI::App& program, const std::shared_ptr<SolveArgume
   command->add_option("--trace", arguments->trace,
                       "write every iteration to this file, as CSV; for one FILE (see: marble plot)");
   command->add_option("--sensitivity", arguments->sensitivity,
-                      "derivatives to tell with each answer: a JSON file of directions, losses and rows");
+                      "derivatives to return with each answer: a JSON file of directions, losses and rows");
   command->add_option(
       "--bundle", arguments->bundle,
       "write problem, options, convergence and answer to this .tar.zst file, for a bug report; for "

@@ -35,13 +35,14 @@ class BatchRun {
   int run(const Client& client, const std::stop_token& stop) {
     const auto done = client.solve_batch(
         [this] { return next(); },
-        [this](std::int64_t tag, const Expected<RemoteSolution>& answer) { tell(tag, answer); },
+        [this](std::int64_t tag, const Expected<RemoteSolution>& answer) { report(tag, answer); },
         {.priority = arguments_.priority, .stop = stop});
     // One line per file, also for files that were not reached: programs count the lines.
     const MutexLock lock(mutex_);
     Error unreached = done ? Error{} : done.error();
     if (unreached.code == ErrorCode::cancelled) unreached.bound = "not solved: interrupted before";
-    for (; next_ < arguments_.files.size(); ++next_) tell_error(arguments_.files[next_], "", unreached, true);
+    for (; next_ < arguments_.files.size(); ++next_)
+      report_error(arguments_.files[next_], "", unreached, true);
     return exit_code_;
   }
 
@@ -58,7 +59,7 @@ class BatchRun {
       const MutexLock lock(mutex_);
       const auto tag = static_cast<std::int64_t>(next_++);
       if (!file) {
-        tell_error(path, "", file.error(), false);
+        report_error(path, "", file.error(), false);
         continue;
       }
       file_ = std::move(*file);
@@ -68,10 +69,10 @@ class BatchRun {
     }
   }
 
-  void tell(std::int64_t tag, const Expected<RemoteSolution>& answer) {
+  void report(std::int64_t tag, const Expected<RemoteSolution>& answer) {
     const MutexLock lock(mutex_);
     const Subject subject = std::move(subjects_.extract(tag).mapped());
-    if (!answer) return tell_error(subject.file, subject.name, answer.error(), true);
+    if (!answer) return report_error(subject.file, subject.name, answer.error(), true);
     if (arguments_.server.json()) {
       std::cout << json_line(subject, *answer) << '\n' << std::flush;
     } else {
@@ -83,7 +84,7 @@ class BatchRun {
     exit_code_ = worse(exit_code_, is_solved(answer->status) ? kAllSolved : kNotSolved);
   }
 
-  void tell_error(const std::string& path, const std::string& name, Error error, bool remote)
+  void report_error(const std::string& path, const std::string& name, Error error, bool remote)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (error.code == ErrorCode::unavailable)
       error.bound = "server " + arguments_.server.server + ": " + error.bound;

@@ -20,7 +20,7 @@ int run(const CompareArguments& arguments) {
     complain(problems.error().message());
     return kBadInput;
   }
-  return compare_and_tell(arguments, *problems, *contestants, "performance profile");
+  return compare_and_report(arguments, *problems, *contestants, "performance profile");
 }
 
 }  // namespace

@@ -69,7 +69,7 @@ void add_convert(CLI::App& program, int& exit_code) {
   command
       ->add_option(
           "OUT", *out,
-          "its extension tells the format: .json, .pb or .bin, .npz, or a folder with a / at its end for "
+          "its extension names the format: .json, .pb or .bin, .npz, or a folder with a / at its end for "
           "Matrix Market")
       ->required();
   command->footer("x0 has no place in .pb and .bin. Only .json holds best_known_objective and names.");

@@ -70,7 +70,7 @@ Expected<void> prepare(Session& session, ProblemUpdate& update, UpdateControls& 
   return {};
 }
 
-void tell_tick(const MpcArguments& arguments, int number, const Tick& tick) {
+void report_tick(const MpcArguments& arguments, int number, const Tick& tick) {
   const RemoteSolution& s = tick.answer;
   if (s.reopened) complain("the server was lost; the session was set up again as " + s.job_id);
   if (arguments.server.json()) {
@@ -95,7 +95,7 @@ void tell_tick(const MpcArguments& arguments, int number, const Tick& tick) {
 }
 
 // Excludes the first control step, which has no solution to start from.
-void tell_summary(const MpcArguments& arguments, const Session& session, const std::vector<Tick>& ticks) {
+void report_summary(const MpcArguments& arguments, const Session& session, const std::vector<Tick>& ticks) {
   std::vector<double> factorizations, solve_ms, round_trip_ms;
   for (std::size_t i = 1; i < ticks.size(); ++i) {
     factorizations.push_back(ticks[i].answer.factorizations);
@@ -138,14 +138,14 @@ int run_loop(const MpcArguments& arguments, Session& session, examples::HopperPa
     auto answer = session.solve(update, of_tick);
     const std::chrono::duration<double, std::milli> round_trip = std::chrono::steady_clock::now() - begin;
     if (!answer) {
-      tell_summary(arguments, session, ticks);
+      report_summary(arguments, session, ticks);
       const int outcome = exit_code_of(answer.error());
       static_cast<void>(fails(arguments, answer.error()));
       return worse(exit_code, outcome);
     }
     ticks.push_back({std::move(*answer), round_trip.count()});
     const RemoteSolution& plan = ticks.back().answer;
-    tell_tick(arguments, number, ticks.back());
+    report_tick(arguments, number, ticks.back());
     if (!is_solved(plan.status)) exit_code = kNotSolved;
     parameters = examples::advance(parameters, plan.z);
     next = examples::hopper(parameters);
@@ -153,7 +153,7 @@ int run_loop(const MpcArguments& arguments, Session& session, examples::HopperPa
     std::swap(problem, next);  // moves no array: the update still views the newer one
     if (!arguments.cold) controls.shift = Shift::by_stage(problem.view(), arguments.steps).value();
   }
-  tell_summary(arguments, session, ticks);
+  report_summary(arguments, session, ticks);
   return exit_code;
 }
 

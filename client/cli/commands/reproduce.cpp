@@ -30,7 +30,8 @@ struct ReproduceArguments : ComparisonArguments {
 // regularization of its authors' code (include/solver.h of their repository); and Algorithm 1 to the letter.
 const std::vector<std::string> kOwn = {
     "marble",
-    "authors: path=paper polish=false scaling_passes=0 local_search_budget=0 rho_initial=10 kappa_min=1e-7 "
+    "authors: path=paper polish=false scaling_passes=0 max_local_search_factorizations=0 rho_initial=10 "
+    "kappa_min=1e-7 "
     "inner_tolerance=1e-6 max_iterations=1000 regularization_initial=1e-8 equality_tolerance=1e-4 "
     "inequality_tolerance=1e-4 complementarity_tolerance=1e-3 stationarity_tolerance=1e-3",
     "algorithm1: path=algorithm1 max_iterations=1000"};
@@ -102,7 +103,7 @@ int reproduce(const ComparisonArguments& arguments, const std::vector<ProblemFil
               const char* title, const char* printed) {
   const auto contestants = contestants_of(arguments, kOwn);
   if (!contestants) return option_fails(contestants.error());
-  const int exit_code = compare_and_tell(arguments, problems, *contestants, title);
+  const int exit_code = compare_and_report(arguments, problems, *contestants, title);
   std::cout << printed << std::flush;
   return exit_code;
 }
@@ -135,8 +136,8 @@ bool has_others(const ReproduceArguments& a) {
 }
 
 // Prints a table with its summary, and writes the requested files.
-int tell(const ReproduceArguments& arguments, const TextTable& table, const std::string& said,
-         const std::string& csv, const std::function<std::string(PictureFormat)>& picture) {
+int report(const ReproduceArguments& arguments, const TextTable& table, const std::string& said,
+           const std::string& csv, const std::function<std::string(PictureFormat)>& picture) {
   std::cout << table.text() << said << std::flush;
   if (!arguments.table.empty()) {
     auto file = AtomicFile::open(arguments.table);
@@ -161,8 +162,8 @@ int reproduce_aladin(const ReproduceArguments& arguments) {
   const Interrupt interrupt;
   const auto runs = aladin_runs(arguments.seeds, interrupt.token());
   if (!runs) return no_runs(runs.error());
-  return tell(arguments, aladin_table(*runs), kAladin, aladin_csv(*runs),
-              [&runs](PictureFormat format) { return aladin_picture(*runs, format); });
+  return report(arguments, aladin_table(*runs), kAladin, aladin_csv(*runs),
+                [&runs](PictureFormat format) { return aladin_picture(*runs, format); });
 }
 
 int reproduce_retrospective(const ReproduceArguments& arguments) {
@@ -173,9 +174,9 @@ int reproduce_retrospective(const ReproduceArguments& arguments) {
   const Interrupt interrupt;
   const auto levels = levels_of_seeds(arguments.seeds, arguments.levels, arguments.test, interrupt.token());
   if (!levels) return no_runs(levels.error());
-  return tell(arguments, levels_table(*levels),
-              "\n" + levels_summary(*levels, arguments.seeds) + kRetrospective, levels_csv(*levels),
-              [&levels](PictureFormat format) { return levels_picture(*levels, format); });
+  return report(arguments, levels_table(*levels),
+                "\n" + levels_summary(*levels, arguments.seeds) + kRetrospective, levels_csv(*levels),
+                [&levels](PictureFormat format) { return levels_picture(*levels, format); });
 }
 
 int run(const ReproduceArguments& arguments) {

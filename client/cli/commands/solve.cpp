@@ -33,7 +33,7 @@ std::string about(double wait_s) {
 }
 
 // Prints the position in the queue for a waiting person.
-void tell_place(CallControls& call) {
+void report_place(CallControls& call) {
   const auto job = std::make_shared<std::string>();
   call.accepted = [job](const std::string& job_id, int position, double wait_s) {
     *job = without_controls(job_id);
@@ -55,7 +55,7 @@ Expected<Answer> solve_there(const SolveArguments& arguments, const Client& clie
   CallControls call;
   call.problem_name = problem.name;
   call.priority = arguments.priority;
-  if (!arguments.quiet) tell_place(call);
+  if (!arguments.quiet) report_place(call);
   auto answer = client.solve(problem.view(), options, controls, call);
   if (answer && answer->progress_skipped > 0) {
     std::fprintf(stderr, "(%lld more iterations; the connection was slower than the solver)\n",
@@ -87,7 +87,7 @@ Solve with_bundle(const SolveArguments& arguments, const Client* server, Solve s
   return [&arguments, server, solve = std::move(solve)](const OwnedProblem& problem, const Options& options,
                                                         const SolveControls& given) -> Expected<Answer> {
     Bundle bundle;
-    tell_build(&bundle.facts);
+    report_build(&bundle.facts);
     if (server != nullptr) {  // the server is another process, perhaps on another machine
       const auto info = server->info();
       bundle.facts.set_version(info ? info->version : "unknown");
@@ -157,26 +157,27 @@ std::optional<int> solve_nonlinear_file(const SolveArguments& arguments, nonline
   const std::string stub = path.substr(0, path.size() - 3), name = stub.substr(stub.find_last_of('/') + 1);
   const auto nl = or_out_of_memory(
       [&] { return formats::parse_nonlinear_nl(*content, name, formats::NlNames::beside(stub)); });
-  if (!nl) return tell_error(arguments, path, "", nl.error(), false);
+  if (!nl) return report_error(arguments, path, "", nl.error(), false);
   if (arguments.explains) {
-    return tell_error(arguments, path, name,
-                      invalid("FILE", path, "must be an LCQP: this problem is nonlinear"), false);
+    return report_error(arguments, path, name,
+                        invalid("FILE", path, "must be an LCQP: this problem is nonlinear"), false);
   }
   if (!arguments.trace.empty()) {
-    return tell_error(arguments, path, name,
-                      invalid("--trace", "is the convergence of an LCQP: this problem is nonlinear"), false);
+    return report_error(arguments, path, name,
+                        invalid("--trace", "is the convergence of an LCQP: this problem is nonlinear"),
+                        false);
   }
   if (!arguments.bundle.empty()) {
-    return tell_error(arguments, path, name, invalid("--bundle", "is of an LCQP: this problem is nonlinear"),
-                      false);
+    return report_error(arguments, path, name,
+                        invalid("--bundle", "is of an LCQP: this problem is nonlinear"), false);
   }
   if (!arguments.proof.empty()) {
-    return tell_error(arguments, path, name, invalid("--proof", "is of an LCQP: this problem is nonlinear"),
-                      false);
+    return report_error(arguments, path, name, invalid("--proof", "is of an LCQP: this problem is nonlinear"),
+                        false);
   }
   if (!arguments.sensitivity.empty()) {
-    return tell_error(arguments, path, name,
-                      invalid("--sensitivity", "is of an LCQP's answer: this problem is nonlinear"), false);
+    return report_error(arguments, path, name,
+                        invalid("--sensitivity", "is of an LCQP's answer: this problem is nonlinear"), false);
   }
   if (!arguments.quiet && arguments.files.size() > 1) std::cerr << without_controls(path) << ":\n";
   NonlinearTable table(nl->sign(), colours_wanted(), stderr);
@@ -185,7 +186,7 @@ std::optional<int> solve_nonlinear_file(const SolveArguments& arguments, nonline
   const bool here = arguments.here();
   const auto begun = std::chrono::steady_clock::now();
   const auto answer = solve_nonlinear(*nl, settings, here ? nullptr : &arguments.server);
-  if (!answer) return tell_error(arguments, path, name, answer.error(), !here);
+  if (!answer) return report_error(arguments, path, name, answer.error(), !here);
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   std::cout << (arguments.json() ? json_line(path, *nl, *answer, seconds) + "\n"
                                  : summary(*nl, *answer, seconds))

@@ -23,17 +23,17 @@ namespace {
 // Forwards each iteration to the terminal, the trace, both or neither.
 class Listeners final : public ProgressSink {
  public:
-  Listeners(bool tells, TraceWriter* trace) : table_(colours_wanted()), tells_(tells), trace_(trace) {}
+  Listeners(bool reports, TraceWriter* trace) : table_(colours_wanted()), reports_(reports), trace_(trace) {}
   void report(const Progress& progress) override {
-    if (tells_) table_.report(progress);
+    if (reports_) table_.report(progress);
     if (trace_ != nullptr) trace_->report(progress);
   }
-  [[nodiscard]] ProgressSink* sink() { return tells_ || trace_ != nullptr ? this : nullptr; }
+  [[nodiscard]] ProgressSink* sink() { return reports_ || trace_ != nullptr ? this : nullptr; }
   [[nodiscard]] IterationTable& table() { return table_; }
 
  private:
   IterationTable table_;
-  bool tells_;
+  bool reports_;
   TraceWriter* trace_;
 };
 
@@ -66,7 +66,7 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
     if (means.otherwise) {
       if (const auto outcome = means.otherwise(path, stop)) return *outcome;
     }
-    return tell_error(arguments, path, "", file.error(), false);
+    return report_error(arguments, path, "", file.error(), false);
   }
   if (arguments.explains) leave_objective_out(file->problem);
   if (!arguments.quiet && arguments.files.size() > 1) std::cerr << without_controls(path) << ":\n";
@@ -81,14 +81,14 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
   std::optional<ProblemNames> names;  // read before a solve that may take long, because they may be invalid
   if (options.explain && means.names) {
     auto read = means.names(path, file->problem);
-    if (!read) return tell_error(arguments, path, file->problem.name, read.error(), false);
+    if (!read) return report_error(arguments, path, file->problem.name, read.error(), false);
     names = std::move(*read);
   }
   Expected<OwnedSensitivityRequest> asked;
   SensitivityRequest request;
   if (!sensitivity.is_null()) {
     asked = sensitivity_of(sensitivity, file->problem);
-    if (!asked) return tell_error(arguments, path, file->problem.name, asked.error(), false);
+    if (!asked) return report_error(arguments, path, file->problem.name, asked.error(), false);
     request = asked->view();
     controls.sensitivity = &request;
   }
@@ -96,7 +96,7 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
   if (proof_file != nullptr) controls.proof = &proof;
   const auto answer = means.solve(file->problem, options, controls);
   display.reset();
-  if (!answer) return tell_error(arguments, path, file->problem.name, answer.error(), means.remote);
+  if (!answer) return report_error(arguments, path, file->problem.name, answer.error(), means.remote);
   Subject subject = subject_of(path, *file, options);
   if (answer->conflict) {
     subject.conflict = conflict_lines(file->problem, names ? *names : ProblemNames{}, *answer->conflict,
@@ -146,8 +146,8 @@ Expected<std::optional<TraceWriter>> open_trace(const SolveArguments& arguments)
 
 }  // namespace
 
-int tell_error(const SolveArguments& arguments, const std::string& file, const std::string& name,
-               const Error& error, bool remote) {
+int report_error(const SolveArguments& arguments, const std::string& file, const std::string& name,
+                 const Error& error, bool remote) {
   complain(file, error.message());
   if (arguments.json()) std::cout << json_line(file, name, error) << '\n' << std::flush;
   return remote ? exit_code_of(error) : exit_code_of_local(error);
@@ -179,8 +179,8 @@ int solve_files(const SolveArguments& arguments, const Options& options, const S
     // One result per file, also after Ctrl-C: programs count the lines.
     const int outcome =
         interrupt.token().stop_requested()
-            ? tell_error(arguments, path, "", failure(ErrorCode::cancelled, "not solved: interrupted before"),
-                         false)
+            ? report_error(arguments, path, "",
+                           failure(ErrorCode::cancelled, "not solved: interrupted before"), false)
             : solve_file(arguments, path, options, means, *trace ? &**trace : nullptr,
                          *proof ? &**proof : nullptr, *sensitivity, interrupt.token());
     exit_code = worse(exit_code, outcome);

@@ -29,8 +29,8 @@ struct SolveMeans {
                                           const SolveControls& controls);
 
 /// Reports a file without a solution; returns the exit code. `remote`: the error may be the server's.
-int tell_error(const SolveArguments& arguments, const std::string& file, const std::string& name,
-               const Error& error, bool remote);
+int report_error(const SolveArguments& arguments, const std::string& file, const std::string& name,
+                 const Error& error, bool remote);
 
 /// Solves and reports each file; returns the exit code.
 [[nodiscard]] int solve_files(const SolveArguments& arguments, const Options& options,

@@ -128,8 +128,8 @@ Expected<std::vector<ProblemFile>> read_all(const std::vector<std::string>& path
   return problems;
 }
 
-int compare_and_tell(const ComparisonArguments& arguments, const std::vector<ProblemFile>& problems,
-                     const std::vector<Contestant>& contestants, const std::string& title) {
+int compare_and_report(const ComparisonArguments& arguments, const std::vector<ProblemFile>& problems,
+                       const std::vector<Contestant>& contestants, const std::string& title) {
   ComparisonSettings settings = arguments.settings;
   const double limit = parse_options(arguments.solver)->time_limit_s;
   if (!arguments.solver.time_limit_s.empty()) settings.time_limit_s = limit;

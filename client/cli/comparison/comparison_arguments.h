@@ -27,8 +27,8 @@ void add_comparison_arguments(CLI::App& command, ComparisonArguments& arguments)
 [[nodiscard]] Expected<std::vector<ProblemFile>> read_all(const std::vector<std::string>& paths);
 
 /// Compares, prints and writes; returns the exit code.
-[[nodiscard]] int compare_and_tell(const ComparisonArguments& arguments,
-                                   const std::vector<ProblemFile>& problems,
-                                   const std::vector<Contestant>& contestants, const std::string& title);
+[[nodiscard]] int compare_and_report(const ComparisonArguments& arguments,
+                                     const std::vector<ProblemFile>& problems,
+                                     const std::vector<Contestant>& contestants, const std::string& title);
 
 }  // namespace marble::cli

@@ -30,15 +30,15 @@ void IterationTable::heading(const char* names) {
 
 // There are thousands of rounds of nodes: their changes are reported a few times a second.
 void IterationTable::tree_row(const Progress& p) {
-  const bool better = p.incumbent < told_.incumbent;
-  if (told_.nodes > 0 && !better && p.elapsed_s < told_.elapsed_s + kBetweenTreeRows_s) return;
+  const bool better = p.incumbent < reported_.incumbent;
+  if (reported_.nodes > 0 && !better && p.elapsed_s < reported_.elapsed_s + kBetweenTreeRows_s) return;
   heading("    nodes     open      incumbent          bound       gap  nodes/s      time");
-  const double seconds = p.elapsed_s - told_.elapsed_s;
-  const double speed = seconds > 0.0 ? static_cast<double>(p.nodes - told_.nodes) / seconds : 0.0;
+  const double seconds = p.elapsed_s - reported_.elapsed_s;
+  const double speed = seconds > 0.0 ? static_cast<double>(p.nodes - reported_.nodes) / seconds : 0.0;
   std::fprintf(to_, "%9lld %8lld %14.7e %14.7e %9.2e %8.0f %8.2fs\n", static_cast<long long>(p.nodes),
                static_cast<long long>(p.open_nodes), of_file(p.incumbent), of_file(p.bound), p.gap, speed,
                p.elapsed_s);
-  told_ = without_vectors(p);
+  reported_ = without_vectors(p);
 }
 
 void IterationTable::erase_line() {
@@ -86,7 +86,7 @@ void IterationTable::report(const Progress& p) {
                trouble ? kYellow : "", p.iteration, of_file(p.objective), p.violations.equality,
                p.violations.inequality, p.violations.complementarity, p.kkt_residual, p.kappa, p.rho,
                p.step_length, p.regularization, p.factorizations, trouble ? kPlain : "");
-  told_ = without_vectors(p);
+  reported_ = without_vectors(p);
 }
 
 ActivityDisplay::ActivityDisplay(IterationTable& table)

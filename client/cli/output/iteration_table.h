@@ -38,10 +38,10 @@ class IterationTable final : public ProgressSink {
 
   bool colours_;
   std::FILE* to_;
-  double sign_ = 1.0;   // of objectives
-  int rows_ = 0;        // since the last heading of its kind
-  bool tree_ = false;   // the kind of that heading
-  Progress told_ = {};  // the last row that was written
+  double sign_ = 1.0;       // of objectives
+  int rows_ = 0;            // since the last heading of its kind
+  bool tree_ = false;       // the kind of that heading
+  Progress reported_ = {};  // the last row that was written
   std::mutex mutex_;
   bool open_line_ = false;  // the current line has no end yet
   std::string shown_;       // the content of the last such line

@@ -30,15 +30,15 @@ template <class Document = Json>
 [[nodiscard]] Json to_json(const Error& error);
 
 /// Adds the tree's values of Progress, Solution and JobInfo (global search): bound, gap, nodes, open_nodes
-/// and, if present, incumbent and warm_nodes. JSON has no infinity: unknown values are null.
-template <class Told>
-void add_tree(const Told& told, Json& json) {
-  if constexpr (requires { told.incumbent; }) json["incumbent"] = told.incumbent;
-  json["bound"] = told.bound;
-  json["gap"] = told.gap;
-  json["nodes"] = told.nodes;
-  json["open_nodes"] = told.open_nodes;
-  if constexpr (requires { told.warm_nodes; }) json["warm_nodes"] = told.warm_nodes;
+/// and, if present, incumbent and reused_nodes. JSON has no infinity: unknown values are null.
+template <class Reported>
+void add_tree(const Reported& reported, Json& json) {
+  if constexpr (requires { reported.incumbent; }) json["incumbent"] = reported.incumbent;
+  json["bound"] = reported.bound;
+  json["gap"] = reported.gap;
+  json["nodes"] = reported.nodes;
+  json["open_nodes"] = reported.open_nodes;
+  if constexpr (requires { reported.reused_nodes; }) json["reused_nodes"] = reported.reused_nodes;
 }
 
 /// Returns the JSON without a line break; bytes that are not UTF-8, which file names may contain, are

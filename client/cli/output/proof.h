@@ -19,9 +19,10 @@ struct Proof {
   std::int64_t nodes = 0, open_nodes = 0;
 };
 
-template <class Told>
-[[nodiscard]] Proof proof_of(const Told& told) {
-  return {told.status, told.proved, told.bound, told.gap, told.nodes, told.open_nodes};
+template <class Reported>
+[[nodiscard]] Proof proof_of(const Reported& reported) {
+  return {reported.status, reported.proved, reported.bound,
+          reported.gap,    reported.nodes,  reported.open_nodes};
 }
 
 /// "proved optimal: gap 3.0e-07, 1,204 nodes", "proved infeasible: 12 nodes",

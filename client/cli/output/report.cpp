@@ -39,8 +39,8 @@ bool begins_with_proof(const Answer& s) {
 }
 
 std::string speed_text(const Answer& s) {
-  constexpr std::int64_t kEnoughToTell = 100;
-  if (s.nodes < kEnoughToTell || !(s.times.solve_s > 0.0)) return "";
+  constexpr std::int64_t kEnoughToReport = 100;
+  if (s.nodes < kEnoughToReport || !(s.times.solve_s > 0.0)) return "";
   return format(", %.0f nodes a second", static_cast<double>(s.nodes) / s.times.solve_s);
 }
 
@@ -109,8 +109,8 @@ std::string summary(const Subject& p, const Answer& s) {
     text += std::string("  stationarity    ") + to_string(s.stationarity) +
             (s.b_stationary.value_or(false) ? ", no descent on any branch\n" : "\n");
     text += std::string("  second order    ") + to_string(s.second_order) + "\n";
-    if (const std::string told = sensitivity_text(s); !told.empty())
-      text += "  derivatives     " + told + "\n";
+    if (const std::string reported = sensitivity_text(s); !reported.empty())
+      text += "  derivatives     " + reported + "\n";
   } else {
     text += "  why             " + without_controls(s.detail) + "\n";
   }

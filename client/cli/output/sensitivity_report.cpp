@@ -69,18 +69,21 @@ std::string counted(std::size_t count, const char* one, const char* many) {
 std::string sensitivity_text(const Solution& answer) {
   if (!answer.sensitivity) return "";
   if (!*answer.sensitivity) return "none: " + answer.sensitivity->error().message();
-  const SensitivityAnswer& told = **answer.sensitivity;
-  const std::size_t changes = told.changes.holds.size(), losses = told.gradients.g.size() / answer.z.size();
+  const SensitivityAnswer& reported = **answer.sensitivity;
+  const std::size_t changes = reported.changes.holds.size(),
+                    losses = reported.gradients.g.size() / answer.z.size();
   std::string text = counted(changes, "direction", "directions");
-  if (!told.is_smooth()) text += " (" + std::to_string(std::ranges::count(told.changes.holds, 1)) + " hold)";
+  if (!reported.is_smooth())
+    text += " (" + std::to_string(std::ranges::count(reported.changes.holds, 1)) + " hold)";
   text += ", " + counted(losses, "loss", "losses");
-  if (told.rows)
-    text += *told.rows ? ", " + counted((*told.rows)->values.size(), "row", "rows") : ", no rows";
-  if (const std::size_t missing = told.changes.missing.size() + told.gradients.missing.size(); missing > 0)
+  if (reported.rows)
+    text += *reported.rows ? ", " + counted((*reported.rows)->values.size(), "row", "rows") : ", no rows";
+  if (const std::size_t missing = reported.changes.missing.size() + reported.gradients.missing.size();
+      missing > 0)
     text += ", " + std::to_string(missing) + " without derivatives";
-  if (!told.is_smooth()) {
-    text += "; one-sided: " + counted(told.biactive_pairs.size(), "biactive pair", "biactive pairs") + ", " +
-            counted(told.weak_inequalities.size(), "weak inequality", "weak inequalities");
+  if (!reported.is_smooth()) {
+    text += "; one-sided: " + counted(reported.biactive_pairs.size(), "biactive pair", "biactive pairs") +
+            ", " + counted(reported.weak_inequalities.size(), "weak inequality", "weak inequalities");
   }
   return text;
 }
@@ -88,16 +91,17 @@ std::string sensitivity_text(const Solution& answer) {
 Json sensitivity_json(const Solution& answer) {
   if (!answer.sensitivity) return nullptr;
   if (!*answer.sensitivity) return {{"error", to_json(answer.sensitivity->error())}};
-  const SensitivityAnswer& told = **answer.sensitivity;
-  Json json{{"smooth", told.is_smooth()},
-            {"weak_inequalities", told.weak_inequalities},
-            {"biactive_pairs", told.biactive_pairs},
-            {"changes", changes_json(told.changes)},
-            {"gradients", gradients_json(told.gradients, answer.z.size())}};
-  if (told.rows)
-    json["rows"] = *told.rows ? rows_json(**told.rows) : Json{{"error", to_json(told.rows->error())}};
-  json["factorizations"] = told.factorizations;
-  json["back_substitutions"] = told.back_substitutions;
+  const SensitivityAnswer& reported = **answer.sensitivity;
+  Json json{{"smooth", reported.is_smooth()},
+            {"weak_inequalities", reported.weak_inequalities},
+            {"biactive_pairs", reported.biactive_pairs},
+            {"changes", changes_json(reported.changes)},
+            {"gradients", gradients_json(reported.gradients, answer.z.size())}};
+  if (reported.rows)
+    json["rows"] =
+        *reported.rows ? rows_json(**reported.rows) : Json{{"error", to_json(reported.rows->error())}};
+  json["factorizations"] = reported.factorizations;
+  json["back_substitutions"] = reported.back_substitutions;
   return json;
 }
 

@@ -40,13 +40,14 @@ Expected<Solved> solve_plain(const Client& client, const v1::SolveRequest& reque
   return solved;
 }
 
-Expected<Solved> solve_worlds(const Client& client, const v1::SolveRequest& request, const Options& options,
-                              const std::stop_token& stop, const CallControls& call) {
+Expected<Solved> solve_scenarios(const Client& client, const v1::SolveRequest& request,
+                                 const Options& options, const std::stop_token& stop,
+                                 const CallControls& call) {
   Solved solved;
   Rows rows(solved.rows);
   ScenarioProblem problem;
   problem.base = view_of(request.problem());
-  if (auto taken = take_worlds(request.scenarios(), problem); !taken) return unexpected(taken.error());
+  if (auto taken = take_scenarios(request.scenarios(), problem); !taken) return unexpected(taken.error());
   ScenarioSettings settings{.options = options};
   take_settings(request.scenarios(), settings);
   const auto answer = client.solve_scenarios(problem, settings, {&rows, stop}, call);
@@ -83,7 +84,7 @@ Expected<Solved> solve_coupled(const Client& client, const v1::SolveRequest& req
   PiecesOptions settings{.pieces = pieces.pieces()};
   settings.coupled.options = options;
   take_settings(coupled, settings.coupled);
-  if (pieces.has_look_ahead()) settings.look_ahead = pieces.look_ahead();
+  if (pieces.has_overlap()) settings.overlap = pieces.overlap();
   const auto problem = Problem::create(view_of(request.problem()));
   if (!problem) return unexpected(problem.error());
   const std::span stages(pieces.stages().data(), static_cast<std::size_t>(pieces.stages_size()));
@@ -104,7 +105,7 @@ Expected<Solved> solve_request(const Client& client, const v1::SolveRequest& req
   CallControls call;
   call.problem_name = request.problem().name();
   if (request.has_coupled()) return solve_coupled(client, request, options, stop, call);
-  if (request.has_scenarios()) return solve_worlds(client, request, options, stop, call);
+  if (request.has_scenarios()) return solve_scenarios(client, request, options, stop, call);
   return solve_plain(client, request, options, stop, call);
 }
 

@@ -79,10 +79,10 @@ void Feed::follow_jobs(const std::stop_token& stop) {
     Error error;
     if (page) {
       model_.change([&](Model& model) { model.jobs.replace(page->jobs); });
-      const auto tell = [this](const JobEvent& event) {
+      const auto report = [this](const JobEvent& event) {
         model_.change([&](Model& model) { model.jobs.update(event.job); });
       };
-      const auto watched = client_.jobs().watch("", tell, {kInterval_s, stop});
+      const auto watched = client_.jobs().watch("", report, {kInterval_s, stop});
       error = watched ? failure(ErrorCode::unavailable, "the server ended the stream") : watched.error();
     } else {
       error = page.error();
@@ -121,12 +121,12 @@ void Feed::follow_server(const std::stop_token& stop) {
 
 void Feed::follow_one(const std::string& job_id, const std::stop_token& stop) {
   while (!stop.stop_requested()) {
-    const auto tell = [this](const JobEvent& event) {
+    const auto report = [this](const JobEvent& event) {
       model_.change([&](Model& model) {
         if (model.opened) model.opened->update(event);
       });
     };
-    const auto watched = client_.jobs().watch(job_id, tell, {kInterval_s, stop});
+    const auto watched = client_.jobs().watch(job_id, report, {kInterval_s, stop});
     if (watched || stop.stop_requested()) return;
     if (watched.error().code == ErrorCode::not_found) {
       model_.change([](Model& model) {

@@ -13,15 +13,15 @@ namespace {
 class Closing : public marble::ProgressSink {
  public:
   void report(const marble::Progress& row) override {
-    if (row.nodes == 0 || (row.incumbent == incumbent_ && row.elapsed_s < told_s_ + 0.5)) return;
+    if (row.nodes == 0 || (row.incumbent == incumbent_ && row.elapsed_s < reported_s_ + 0.5)) return;
     incumbent_ = row.incumbent;
-    told_s_ = row.elapsed_s;
+    reported_s_ = row.elapsed_s;
     std::printf("%8.2f s %9lld nodes %14.6f %14.6f\n", row.elapsed_s, static_cast<long long>(row.nodes),
                 row.incumbent, row.bound);
   }
 
  private:
-  double incumbent_ = 0.0, told_s_ = 0.0;
+  double incumbent_ = 0.0, reported_s_ = 0.0;
 };
 
 }  // namespace
@@ -29,7 +29,7 @@ class Closing : public marble::ProgressSink {
 int main(int count, char** words) {
   const marble::OwnedProblem problem = marble::examples::gates();
   marble::Options options;
-  options.global = true;
+  options.global_search = true;
   options.time_limit_s = count > 1 ? std::atof(words[1]) : 10.0;
   Closing closing;
   std::printf("%10s %15s %14s %14s\n", "time", "", "incumbent", "bound");

@@ -102,7 +102,7 @@ class Batch {
       done = to_the_end();
       if (reader.out_of_memory()) done = unexpected(out_of_memory());
     }
-    tell_refused();
+    report_refused();
     if (done) return done;
     for (const std::int64_t tag : queue_.unanswered()) sink_(tag, unexpected(done.error()));
     return done;
@@ -149,7 +149,7 @@ class Batch {
   void take(const v1::SolveBatchResponse& response, const grpc::ClientContext& context) {
     patience_.reached();
     connection_.note_reached();
-    tell_refused();
+    report_refused();
     if (const auto pause = pause_after(response))
       return queue_.send_again(response.tag(),
                                Clock::now() + std::chrono::duration_cast<Clock::duration>(*pause));
@@ -160,7 +160,7 @@ class Batch {
     sink_(*tag, std::move(answer));
   }
 
-  void tell_refused() {
+  void report_refused() {
     for (auto& [tag, error] : queue_.refused()) sink_(tag, unexpected(std::move(error)));
   }
 

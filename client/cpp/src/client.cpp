@@ -74,7 +74,7 @@ Expected<RemoteScenarios> Client::solve_scenarios(ScenarioProblem problem, const
                                                   const ScenarioSettings& settings,
                                                   const SolveControls& controls,
                                                   const CallControls& call) const {
-  if (auto set = set_worlds(problem, sampler); !set) return unexpected(set.error());
+  if (auto set = set_scenarios(problem, sampler); !set) return unexpected(set.error());
   return scenarios_by(connection_.get(), problem, &sampler, settings, controls, call);
 }
 

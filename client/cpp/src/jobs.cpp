@@ -229,10 +229,10 @@ Expected<void> Jobs::watch(const std::string& job_id, const std::function<void(c
   v1::WatchJobsResponse response;
   while (reader->Read(&response)) {
     for (const v1::JobEvent& event : response.events()) {
-      JobEvent told{
+      JobEvent reported{
           client::job_info(event.job()), client::progress_rows(event.rows()), {}, response.skipped()};
-      if (event.has_trace()) told.trace = client::job_trace(event.trace());
-      happened(told);
+      if (event.has_trace()) reported.trace = client::job_trace(event.trace());
+      happened(reported);
     }
   }
   const grpc::Status status = reader->Finish();

@@ -98,7 +98,7 @@ Solution initial_answer(const NlProblem& nl) {
     start.objective += (0.5 * gradient[j] + p.g[j]) * start.z[j];
     gradient[j] += p.g[j];
   }
-  start.cold_objective = start.objective;  // a cold start's objective is unknown
+  start.reference_objective = start.objective;  // a cold start's objective is unknown
   add_transposed(p.A, start.equality_multipliers, 1.0, gradient);
   add_transposed(p.C, start.inequality_multipliers, -1.0, gradient);
   add_transposed(p.L, start.complementarity_multipliers_L, -1.0, gradient);

@@ -91,9 +91,9 @@ void NlSegments::check_header() {
 
 // A file cut off at a segment's end is still valid, but another problem. (Linear rows need no C.)
 void NlSegments::check_complete() {
-  const auto need = [&](const char* key, std::int64_t there, std::int64_t told) {
-    if (there >= told) return;
-    in_.fail(key, std::to_string(there) + " of " + std::to_string(told),
+  const auto need = [&](const char* key, std::int64_t there, std::int64_t reported) {
+    if (there >= reported) return;
+    in_.fail(key, std::to_string(there) + " of " + std::to_string(reported),
              "is missing: the file ends too soon");
   };
   need("O", seen_.objectives, header_.objectives);

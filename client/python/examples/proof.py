@@ -11,7 +11,7 @@ from marble.hopper import Hopper
 enough = float(sys.argv[1]) if len(sys.argv) > 1 else 0.01
 
 with marble.Client() as client:
-    job = client.jobs.submit(Hopper(steps=10).problem(), options={"global": True, "time_limit_s": 60})
+    job = client.jobs.submit(Hopper(steps=10).problem(), options={"global_search": True, "time_limit_s": 60})
     print(f"{'nodes':>7} {'open':>6} {'incumbent':>12} {'bound':>12} {'gap':>8}")
     ended = False
     for event in client.jobs.watch(job.job_id, progress_interval=0.2):
@@ -23,4 +23,4 @@ with marble.Client() as client:
             ended = True
     answer = client.jobs.result(job.job_id)
     print(f"{answer.status.value}: objective {answer.objective:.6f}, at most {answer.objective - answer.bound:.1e} "
-          f"above the optimum; {'proved' if answer.proved else 'not proved'} to {answer.options['gap_tolerance']:g}")
+          f"above the optimum; {'proved' if answer.proved else 'not proved'} to {answer.options['relative_gap_tolerance']:g}")

@@ -68,7 +68,7 @@ std::optional<Solution> answer_of(const py::object& given) {
     const std::span<const double> values = arrays.doubles(parts[place++]);
     vector->assign(values.begin(), values.end());
   }
-  start.cold_objective = parts[place].cast<double>();
+  start.reference_objective = parts[place].cast<double>();
   return start;
 }
 
@@ -119,13 +119,13 @@ py::dict dict_of(Solution s, const Options& options, double total_s) {
   answer["gap"] = s.gap;
   answer["nodes"] = s.nodes;
   answer["open_nodes"] = s.open_nodes;
-  answer["warm_nodes"] = s.warm_nodes;
+  answer["reused_nodes"] = s.reused_nodes;
   answer["iterations"] = s.iterations;
   answer["factorizations"] = s.factorizations;
-  answer["cold_objective"] = s.cold_objective;
+  answer["reference_objective"] = s.reference_objective;
   answer["options"] = dict_of(options);
   answer["conflict"] = tuple_of(s.conflict);
-  answer["sensitivity"] = derivatives_told(std::move(s.sensitivity));
+  answer["sensitivity"] = derivatives_reported(std::move(s.sensitivity));
   const Times& t = s.times;
   answer["times"] = py::make_tuple(0.0, t.setup_s, t.factorization_s, t.line_search_s, t.polish_s, t.solve_s,
                                    total_s, t.tree_s);
@@ -175,7 +175,7 @@ Solution solution_of(const py::object& answer) {
   s.bound = answer.attr("bound").cast<double>();
   s.iterations = answer.attr("iterations").cast<decltype(s.iterations)>();
   s.factorizations = answer.attr("factorizations").cast<decltype(s.factorizations)>();
-  s.cold_objective = answer.attr("cold_objective").cast<double>();
+  s.reference_objective = answer.attr("reference_objective").cast<double>();
   return s;
 }
 

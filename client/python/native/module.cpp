@@ -30,7 +30,7 @@ py::dict solve(const py::object& lcqp, const py::dict& given, const Call& call) 
   const ProblemView view = arrays.problem(lcqp);
   const py::object z0 = lcqp.attr("z0");
   const std::span<const double> initial_z = z0.is_none() ? std::span<const double>() : arrays.doubles(z0);
-  return run(options, call, [&](const Options& limited, SolveControls controls, Teller&) {
+  return run(options, call, [&](const Options& limited, SolveControls controls, Reporter&) {
     controls.initial_z = initial_z;
     return solve_in_process(view, limited, controls);
   });
@@ -59,7 +59,7 @@ class Warm {
     const Wanted wanted(options_, given, changes, z0, cold, shift);
     auto answer = run(
         wanted.options, call,
-        [&](const Options& limited, const SolveControls& controls, Teller&) -> Expected<Solution> {
+        [&](const Options& limited, const SolveControls& controls, Reporter&) -> Expected<Solution> {
           if (auto set = solver_->set_options(limited); !set) return unexpected(set.error());
           return solver_->solve(wanted.update, wanted.restart, controls);
         },
@@ -110,8 +110,8 @@ class Warm {
   std::optional<WarmSolver> solver_;
 };
 
-/// Reads settings by their names; tell: None, or called for each iteration.
-nonlinear::Settings settings_of(const py::dict& given, const py::dict& lcqp, const py::object& tell) {
+/// Reads settings by their names; report: None, or called for each iteration.
+nonlinear::Settings settings_of(const py::dict& given, const py::dict& lcqp, const py::object& report) {
   nonlinear::Settings settings;
   const auto method = nonlinear::method_of(given["nonlinear_method"].cast<std::string>());
   if (!method) raise(method.error());
@@ -124,9 +124,9 @@ nonlinear::Settings settings_of(const py::dict& given, const py::dict& lcqp, con
   settings.iteration_limit = given["iteration_limit"].cast<std::int32_t>();
   settings.time_limit_s = given["time_limit_s"].cast<double>();
   set_options(settings.lcqp, lcqp);
-  if (!tell.is_none()) {
-    settings.iteration = [&tell](const nonlinear::Iteration& row) {
-      tell(row.iteration, row.objective, row.violation, row.step, row.radius, row.accepted, row.ticks);
+  if (!report.is_none()) {
+    settings.iteration = [&report](const nonlinear::Iteration& row) {
+      report(row.iteration, row.objective, row.violation, row.step, row.radius, row.accepted, row.ticks);
     };
   }
   return settings;
@@ -171,21 +171,21 @@ py::dict dict_of_answer(nonlinear::Answer a) {
 
 /// Solves a marble.nlp problem.
 py::dict solve_nonlinear_problem(const py::dict& problem, const py::dict& given, const py::dict& lcqp,
-                                 const py::object& tell, const py::object& open, bool main_thread) {
-  nonlinear::Settings settings = settings_of(given, lcqp, tell);
+                                 const py::object& report, const py::object& open, bool main_thread) {
+  nonlinear::Settings settings = settings_of(given, lcqp, report);
   return dict_of_answer(run_nonlinear(settings, open, main_thread, [&](const py::object& opens) {
     return solve_nonlinear(problem, settings, opens);
   }));
 }
 
-/// Solves sample-average stages one after the other. growing: the other settings by their names; tell_level:
-/// called for each.
+/// Solves sample-average stages one after the other. growing: the other settings by their names;
+/// report_level: called for each.
 py::dict solve_retrospective_problem(const py::dict& problem, const py::dict& given, const py::dict& lcqp,
-                                     const py::object& tell, const py::object& open, bool main_thread,
+                                     const py::object& report, const py::object& open, bool main_thread,
                                      const py::dict& growing, const py::object& use_samples,
-                                     const py::object& sample_cost, const py::object& tell_level) {
+                                     const py::object& sample_cost, const py::object& report_level) {
   nonlinear::RetrospectiveSettings settings;
-  settings.loop = settings_of(given, lcqp, tell);
+  settings.loop = settings_of(given, lcqp, report);
   settings.first_samples = growing["first_samples"].cast<std::int64_t>();
   settings.growth = growing["growth"].cast<double>();
   settings.levels = growing["levels"].cast<std::int32_t>();
@@ -197,7 +197,7 @@ py::dict solve_retrospective_problem(const py::dict& problem, const py::dict& gi
   settings.tolerance = growing["tolerance"].cast<double>();
   settings.carry_curvature = growing["carry_curvature"].cast<bool>();
   settings.fresh_samples = growing["fresh_samples"].cast<std::int64_t>();
-  settings.level = [&tell_level](const nonlinear::Level& l) {
+  settings.level = [&report_level](const nonlinear::Level& l) {
     py::dict row;
     row["level"] = l.level, row["samples"] = l.samples, row["status"] = to_string(l.status);
     row["objective"] = l.objective, row["violation"] = l.violation, row["kkt_residual"] = l.kkt_residual;
@@ -205,7 +205,7 @@ py::dict solve_retrospective_problem(const py::dict& problem, const py::dict& gi
     row["linearisations"] = l.linearisations, row["estimate"] = py::none();
     if (l.estimate) row["estimate"] = py::make_tuple(l.estimate->mean, l.estimate->half_width);
     row["x"] = Numbers{{l.x.begin(), l.x.end()}};
-    tell_level(row);
+    report_level(row);
   };
   auto outcome = run_nonlinear(settings.loop, open, main_thread, [&](const py::object& opens) {
     return solve_retrospective(problem, settings, use_samples, sample_cost, opens);

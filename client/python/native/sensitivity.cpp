@@ -28,26 +28,26 @@ AnswerWeights weights_of(Borrowed& arrays, const py::dict& weights) {
 }
 
 template <class Vectors>
-py::dict vectors_told(Vectors& vectors) {
-  py::dict told;
-  told["z"] = Numbers{std::move(vectors.z)};
-  told["y"] = Numbers{std::move(vectors.equality_multipliers)};
-  told["nu"] = Numbers{std::move(vectors.inequality_multipliers)};
-  told["xi"] = Numbers{std::move(vectors.complementarity_multipliers_L)};
-  told["eta"] = Numbers{std::move(vectors.complementarity_multipliers_R)};
-  return told;
+py::dict vectors_reported(Vectors& vectors) {
+  py::dict reported;
+  reported["z"] = Numbers{std::move(vectors.z)};
+  reported["y"] = Numbers{std::move(vectors.equality_multipliers)};
+  reported["nu"] = Numbers{std::move(vectors.inequality_multipliers)};
+  reported["xi"] = Numbers{std::move(vectors.complementarity_multipliers_L)};
+  reported["eta"] = Numbers{std::move(vectors.complementarity_multipliers_R)};
+  return reported;
 }
 
 template <class Gradient>
-py::dict numbers_told(Gradient& gradient) {
-  py::dict told;
-#define MARBLE_VECTOR(letter, field) told[#letter] = Numbers{std::move(gradient.letter)};
-#define MARBLE_MATRIX(letter, field, values, rows) told[#letter] = Numbers{std::move(gradient.letter)};
+py::dict numbers_reported(Gradient& gradient) {
+  py::dict reported;
+#define MARBLE_VECTOR(letter, field) reported[#letter] = Numbers{std::move(gradient.letter)};
+#define MARBLE_MATRIX(letter, field, values, rows) reported[#letter] = Numbers{std::move(gradient.letter)};
 #include "marble/contract.def"
-  return told;
+  return reported;
 }
 
-py::tuple response_told(RowResponse response) {
+py::tuple response_reported(RowResponse response) {
   return py::make_tuple(Numbers{std::move(response.values)}, Numbers{std::move(response.free)},
                         Numbers{std::move(response.response)}, Numbers{std::move(response.z)},
                         Numbers{std::move(response.columns)});
@@ -61,19 +61,19 @@ class Derivatives {
   py::dict along(const py::dict& direction) {
     Borrowed arrays;
     AnswerChange change = value_or_raise(sensitivity_.along(arrays.update(direction)));
-    py::dict told = vectors_told(change);
-    told["holds"] = change.holds;
-    return told;
+    py::dict reported = vectors_reported(change);
+    reported["holds"] = change.holds;
+    return reported;
   }
 
   py::dict gradient(const py::dict& weights) {
     Borrowed arrays;
     ProblemGradient gradient = value_or_raise(sensitivity_.gradient(weights_of(arrays, weights)));
-    return numbers_told(gradient);
+    return numbers_reported(gradient);
   }
 
   py::tuple rows(const py::object& asked) {
-    return response_told(value_or_raise(sensitivity_.rows(*asked_derivatives(asked)->request.rows)));
+    return response_reported(value_or_raise(sensitivity_.rows(*asked_derivatives(asked)->request.rows)));
   }
 
   [[nodiscard]] std::vector<Index> weak_inequalities() const { return sensitivity_.weak_inequalities(); }
@@ -113,26 +113,26 @@ std::shared_ptr<const AskedDerivatives> asked_derivatives(const py::object& aske
   return made;
 }
 
-py::object derivatives_told(std::optional<Expected<SensitivityAnswer>> sensitivity) {
+py::object derivatives_reported(std::optional<Expected<SensitivityAnswer>> sensitivity) {
   if (!sensitivity) return py::none();
-  py::dict told;
+  py::dict reported;
   if (!*sensitivity) {
-    told["error"] = fault_arguments(sensitivity->error());
-    return told;
+    reported["error"] = fault_arguments(sensitivity->error());
+    return reported;
   }
   SensitivityAnswer& answer = **sensitivity;
-  told["weak_inequalities"] = answer.weak_inequalities;
-  told["biactive_pairs"] = answer.biactive_pairs;
-  if (answer.rows && *answer.rows) told["rows"] = response_told(std::move(**answer.rows));
-  if (answer.rows && !*answer.rows) told["rows_error"] = fault_arguments(answer.rows->error());
-  told["holds"] = answer.changes.holds;
-  told["missing_changes"] = answer.changes.missing;
-  told["changes"] = vectors_told(answer.changes);
-  told["missing_gradients"] = answer.gradients.missing;
-  told["gradients"] = numbers_told(answer.gradients);
-  told["factorizations"] = answer.factorizations;
-  told["back_substitutions"] = answer.back_substitutions;
-  return told;
+  reported["weak_inequalities"] = answer.weak_inequalities;
+  reported["biactive_pairs"] = answer.biactive_pairs;
+  if (answer.rows && *answer.rows) reported["rows"] = response_reported(std::move(**answer.rows));
+  if (answer.rows && !*answer.rows) reported["rows_error"] = fault_arguments(answer.rows->error());
+  reported["holds"] = answer.changes.holds;
+  reported["missing_changes"] = answer.changes.missing;
+  reported["changes"] = vectors_reported(answer.changes);
+  reported["missing_gradients"] = answer.gradients.missing;
+  reported["gradients"] = numbers_reported(answer.gradients);
+  reported["factorizations"] = answer.factorizations;
+  reported["back_substitutions"] = answer.back_substitutions;
+  return reported;
 }
 
 void bind_sensitivity(py::module_& module) {

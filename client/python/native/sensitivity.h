@@ -20,7 +20,7 @@ struct AskedDerivatives {
 [[nodiscard]] std::shared_ptr<const AskedDerivatives> asked_derivatives(const py::object& asked);
 
 /// Returns None; or a dictionary with the error, or with the fields of SensitivityAnswer by their names.
-[[nodiscard]] py::object derivatives_told(std::optional<Expected<SensitivityAnswer>> sensitivity);
+[[nodiscard]] py::object derivatives_reported(std::optional<Expected<SensitivityAnswer>> sensitivity);
 
 /// Binds marble._core.Sensitivity(problem, answer): `along` takes and `gradient` returns numbers by the
 /// letters of the equation, `along` returns and `gradient` takes vectors of the solution by theirs.

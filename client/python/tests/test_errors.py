@@ -130,9 +130,9 @@ def test_an_older_server_s_errors_have_their_place_and_its_words(path, entry, fi
     ({"path": "scenic"}, "path"),
     ({"no_such": 1}, "no_such"),
     ({"polish": "very"}, "polish"),
-    ({"starts": 0}, "starts"),
-    ({"gap_tolerance": 1.0}, "gap_tolerance"),
-    ({"gap_tolerance": -1e-9}, "gap_tolerance"),
+    ({"num_starts": 0}, "num_starts"),
+    ({"relative_gap_tolerance": 1.0}, "relative_gap_tolerance"),
+    ({"relative_gap_tolerance": -1e-9}, "relative_gap_tolerance"),
     ({"node_limit": 0}, "node_limit"),
 ])
 def test_a_bad_option_is_reported_by_its_name(client, options, field):

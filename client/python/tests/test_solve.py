@@ -69,7 +69,7 @@ def test_a_start_is_taken(client):
     for z0, objective in (([1.0, 0.0], -1.0), ([0.0, 1.0], -3.0)):
         problem = marble.LCQP(2 * np.eye(2), [-2, -4], L=[1, 0], R=[0, 1], z0=z0)
         rows = []
-        assert client.solve(problem, options={"local_search_budget": 0}, progress=rows.append).solved
+        assert client.solve(problem, options={"max_local_search_factorizations": 0}, progress=rows.append).solved
         assert rows[0].iteration == 0 and rows[0].objective == pytest.approx(objective, abs=1e-12)
 
 
@@ -108,7 +108,7 @@ def test_progress_can_be_shown(client, capsys):
 
 def test_what_a_solve_is_doing_is_reported_where_no_iteration_ends(client):
     shown = Shown()
-    handle = client.solve_async(Hopper().problem(), options={"starts": 500}, progress=shown)
+    handle = client.solve_async(Hopper().problem(), options={"num_starts": 500}, progress=shown)
     assert wait_until(lambda: any(text.startswith("further starts: ") for text in shown.words))
     job, = [job for job in client.jobs.list().jobs if job.state is marble.JobState.RUNNING]
     assert job.activity.startswith("further starts: ")

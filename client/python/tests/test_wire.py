@@ -51,11 +51,11 @@ def test_an_answer_decodes_to_the_numbers_that_were_encoded():
     assert len(message.result.solution.z) == 0
 
 
-def test_a_word_of_python_names_an_option_with_an_underscore_behind():
-    assert getattr(requests.options_message({"global_": True, "node_limit": 3}), "global") is True
-    assert getattr(requests.options_message({"global": True}), "global") is True
-    with pytest.raises(marble.InvalidArgument, match="starts_"):
-        requests.options_message({"starts_": 2})
+def test_an_option_is_set_by_its_name():
+    message = requests.options_message({"global_search": True, "node_limit": 3})
+    assert message.global_search is True and message.node_limit == 3
+    with pytest.raises(marble.InvalidArgument, match="num_starts_"):
+        requests.options_message({"num_starts_": 2})
 
 
 def test_what_a_tree_does_not_know_is_infinite_and_what_it_knows_comes_as_it_was_sent():
@@ -63,7 +63,7 @@ def test_what_a_tree_does_not_know_is_infinite_and_what_it_knows_comes_as_it_was
     response.solution.status = 1
     plain = answers.solve_response(response.SerializeToString(), None)
     assert (plain.proved, plain.bound, plain.gap, plain.nodes) == (False, -np.inf, np.inf, 0)
-    tree = dict(proved=True, bound=np.inf, gap=0.25, nodes=2**40, open_nodes=7, warm_nodes=8)
+    tree = dict(proved=True, bound=np.inf, gap=0.25, nodes=2**40, open_nodes=7, reused_nodes=8)
     for name, value in tree.items():
         setattr(response.solution, name, value)
     read = answers.solve_response(response.SerializeToString(), None)

@@ -6,7 +6,7 @@ import { readFileSync } from "node:fs";
 import { type Problem, connect } from "@marble/client";
 
 const problem = JSON.parse(readFileSync(process.argv[2], "utf8")) as Problem;
-const options = { global: true, timeLimitS: Number(process.argv[3] ?? 10) };
+const options = { globalSearch: true, timeLimitS: Number(process.argv[3] ?? 10) };
 
 const client = connect();
 for await (const event of client.solveStream(problem, { options, progressIntervalS: 0.2 })) {

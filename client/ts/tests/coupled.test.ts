@@ -105,7 +105,7 @@ test("the block that failed is named", async () => {
 
 test("a long problem in pieces has the solution of the whole problem", async () => {
   const whole = await client.solve(long);
-  const { solution, coordination } = await client.pieces(long, { stages, pieces: 3, lookAhead: 2 });
+  const { solution, coordination } = await client.pieces(long, { stages, pieces: 3, overlap: 2 });
   assert.equal(solution.status, "solved");
   assert.equal(solution.z.length, long.g.length);
   near([solution.objective], [whole.objective]);
@@ -159,5 +159,5 @@ test("invalid parts are named by the client and by the server", async () => {
   await rejects(client.pieces(long, { stages: [0], pieces: 2 }), "coupled.pieces.stages");
   await rejects(client.pieces(long, { stages: stages.map((s) => s - 1), pieces: 2 }), "coupled.pieces.stages", 0);
   await rejects(client.pieces(long, { stages, pieces: 0 }), "coupled.pieces.pieces");
-  await rejects(client.pieces(long, { stages, pieces: 2, lookAhead: -2 }), "coupled.pieces.lookAhead");
+  await rejects(client.pieces(long, { stages, pieces: 2, overlap: -2 }), "coupled.pieces.overlap");
 });

@@ -191,8 +191,8 @@ test("errors of the server's checks use the caller's names", async () => {
     return true;
   });
   for (const [options, field] of [
-    [{ gapTolerance: 1 }, "options.gapTolerance"],
-    [{ gapTolerance: Number.NaN }, "options.gapTolerance"],
+    [{ relativeRelativeGapTolerance: 1 }, "options.relativeRelativeGapTolerance"],
+    [{ relativeRelativeGapTolerance: Number.NaN }, "options.relativeRelativeGapTolerance"],
     [{ nodeLimit: 0 }, "options.nodeLimit"],
   ] as const) {
     await assert.rejects(client.solve(corner, { options }), { name: "InvalidProblemError", field });

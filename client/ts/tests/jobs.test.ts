@@ -31,7 +31,7 @@ test("a submitted job and its result outlive the client", async () => {
 
 test("a job has its sizes, options and convergence", async () => {
   const problem = example("rocket");
-  const { jobId } = await client.jobs.submit(problem, { options: { starts: 2 }, requestId: "r-1", priority: "batch" });
+  const { jobId } = await client.jobs.submit(problem, { options: { numStarts: 2 }, requestId: "r-1", priority: "batch" });
   const solution = await client.jobs.result(jobId, { wait: true });
   const { job, options, trace } = await client.jobs.get(jobId);
   assert.deepEqual(
@@ -39,7 +39,7 @@ test("a job has its sizes, options and convergence", async () => {
     ["submitted", "finished", "batch", solution.status, "planner", "r-1", "rocket"],
   );
   assert.deepEqual([job.variables, job.pairs], [problem.g.length, problem.l.length]);
-  assert.equal(options.starts, 2);
+  assert.equal(options.numStarts, 2);
   assert.ok(trace.rows.length > 0 && trace.stride >= 1);
   const newest = trace.pairs.at(-1);
   assert.ok(newest?.s instanceof Float32Array);

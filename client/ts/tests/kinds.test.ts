@@ -11,7 +11,7 @@ test("the kinds of answers follow the table of cases that all languages have", (
   const table = new URL("../../../../tests/answers/kinds.json", import.meta.url);
   for (const { kind, text, what_to_try, facts } of JSON.parse(readFileSync(table, "utf8")) as Case[]) {
     const { b_stationary: bStationary, second_order: secondOrder, budget_spent: budgetSpent, global_search: globalSearch } = facts;
-    const words = { proved: false, objective: 0, gap: Infinity, starts: 1, ...facts };
+    const words = { proved: false, objective: 0, gap: Infinity, numStarts: 1, ...facts };
     const given = { ...words, bStationary, secondOrder, budgetSpent, globalSearch } as unknown as SolutionFacts;
     assert.deepEqual([kindOf(given), kindText(given), whatToTry(given)], [kind, text, what_to_try]);
   }

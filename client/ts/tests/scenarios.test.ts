@@ -33,11 +33,11 @@ const shop = {
   r: [0],
 };
 const demands = [1, 9, 3, 7, 2, 8, 4, 6];
-const worlds = { entries: [{ part: "left_offset" as const }], values: demands.map((demand) => [demand]) };
+const scenarios = { entries: [{ part: "left_offset" as const }], values: demands.map((demand) => [demand]) };
 
 test("scenarios as a table give levels and then the plan for all of them", async () => {
   const levels: ScenarioLevel[] = [];
-  const answer = await client.scenarios(shop, { firstStage: [0], worlds, onLevel: (level) => levels.push(level) });
+  const answer = await client.scenarios(shop, { firstStage: [0], scenarios, onLevel: (level) => levels.push(level) });
   assert.deepEqual(
     levels.map((level) => level.scenarios),
     [1, 2, 4, 8],
@@ -54,16 +54,16 @@ test("scenarios as a table give levels and then the plan for all of them", async
 });
 
 test("the server draws the same scenarios for the same seed", async () => {
-  const quantities = [{ location: -5, scale: 10, effects: [{ entries: worlds.entries[0]!, gains: [1] }] }];
+  const quantities = [{ location: -5, scale: 10, effects: [{ entries: scenarios.entries[0]!, gains: [1] }] }];
   const draw = (seed: number) =>
-    client.scenarios(shop, { firstStage: [0], worlds: { seed, quantities }, mostScenarios: 16 });
+    client.scenarios(shop, { firstStage: [0], scenarios: { seed, quantities }, maxSampleSize: 16 });
   const [one, same, other] = await Promise.all([draw(7), draw(7), draw(8)]);
   assert.deepEqual(same.solution.z, one.solution.z);
   assert.notDeepEqual(other.solution.z, one.solution.z);
 });
 
 test("a submitted job has the plan later, a job without scenarios has none", async () => {
-  const { jobId } = await client.jobs.submitScenarios(shop, { firstStage: [0], worlds });
+  const { jobId } = await client.jobs.submitScenarios(shop, { firstStage: [0], scenarios });
   assert.equal((await client.jobs.scenarios(jobId, { wait: true })).scenarios, 8);
   const plain = await client.jobs.submit(corner);
   await assert.rejects(client.jobs.scenarios(plain.jobId, { wait: true }), PreconditionError);
@@ -71,13 +71,13 @@ test("a submitted job has the plan later, a job without scenarios has none", asy
 
 test("invalid parts are named", async () => {
   const rejects = (controls: object, field: string) =>
-    assert.rejects(client.scenarios(shop, { firstStage: [0], worlds, ...controls }), (error) => {
+    assert.rejects(client.scenarios(shop, { firstStage: [0], scenarios, ...controls }), (error) => {
       assert.ok(error instanceof InvalidProblemError, String(error));
       assert.equal(error.field, field);
       return true;
     });
   await rejects({ firstStage: [] }, "scenarios.firstStage");
   await rejects({ growth: 1 }, "scenarios.growth");
-  await rejects({ worlds: { ...worlds, values: [[1], [1, 2]] } }, "worlds.values");
-  await rejects({ worlds: { entries: [{ part: "height" }], values: [[1]] } }, "part");
+  await rejects({ scenarios: { ...scenarios, values: [[1], [1, 2]] } }, "scenarios.values");
+  await rejects({ scenarios: { entries: [{ part: "height" }], values: [[1]] } }, "part");
 });

@@ -33,10 +33,10 @@ test("a small problem is solved to its known solution", async () => {
   assert.match(solution.jobId, /\S/);
   assert.equal(solution.kind, "proved_optimal");
   assert.equal(solution.nodes, 1);
-  const local = await client.solve(corner, { options: { smallBudget: 0 } });
+  const local = await client.solve(corner, { options: { maxSmallProblemNodes: 0 } });
   assert.equal(local.kind, "local_minimum");
   assert.equal(local.kindText, "local minimum; no bound is known");
-  assert.match(local.whatToTry, /^starts=8 searches 8 times/);
+  assert.match(local.whatToTry, /^num_starts=8 searches 8 times/);
 });
 
 test("dense rows, triplets and compressed columns are the same problem", async () => {

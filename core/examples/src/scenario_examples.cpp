@@ -11,7 +11,7 @@ constexpr double kNominalAltitude = 1.3 * 3.0;
 
 }  // namespace
 
-ScenarioProblem OneNumberWorlds::worlds(std::vector<double> of_numbers) const {
+ScenarioProblem OneNumberScenarios::scenarios(std::vector<double> of_numbers) const {
   ScenarioProblem problem;
   problem.base = base.view();
   problem.first_stage = first_stage;
@@ -22,8 +22,8 @@ ScenarioProblem OneNumberWorlds::worlds(std::vector<double> of_numbers) const {
   return problem;
 }
 
-OneNumberWorlds rocket_by_altitude() {
-  OneNumberWorlds result;
+OneNumberScenarios rocket_by_altitude() {
+  OneNumberScenarios result;
   result.base = published_rocket();
   // A step has 7 states, 8 variables of the trigger and, except in the last step, 2 inputs.
   const auto variables = static_cast<Index>(result.base.g.size());
@@ -44,8 +44,8 @@ OneNumberWorlds rocket_by_altitude() {
   return result;
 }
 
-OneNumberWorlds hopper_by_friction(const HopperParameters& parameters) {
-  OneNumberWorlds result;
+OneNumberScenarios hopper_by_friction(const HopperParameters& parameters) {
+  OneNumberScenarios result;
   result.base = hopper(parameters);
   for (int step = 0; step < parameters.steps; ++step)
     for (const int i : {kBodyX, kBodyZ, kBodyVx, kBodyVz, kForceX, kForceZ})

@@ -20,13 +20,13 @@ enum class Status {
 #include "marble/contract.def"
 };
 
-/// Returns the name used in logs and files: "solved_reduced".
+/// Returns the name used in logs and files: "almost_solved".
 [[nodiscard]] const char* to_string(Status status);
 /// Returns one or two sentences on what to try after this status; empty for solved.
 [[nodiscard]] const char* advice(Status status);
 /// True if the tolerances, or the reduced ones, are met.
 [[nodiscard]] constexpr bool is_solved(Status status) {
-  return status == Status::solved || status == Status::solved_reduced;
+  return status == Status::solved || status == Status::almost_solved;
 }
 
 /// Kinds of stationary points, by the multipliers ξ, η of pairs with s = t = 0; each kind includes the kinds
@@ -110,26 +110,27 @@ struct Solution {
   /// Whether z is a local minimum, judged by the curvature of Q (scaled, to 1e-7).
   SecondOrder second_order = SecondOrder::unknown;
   double objective = 0.0;  ///< ½ zᵀQz + gᵀz + c₀
-  /// With option global: true if the solution is within gap_tolerance of the bound, or if the tree proved
-  /// infeasibility. Without it: true for a certificate, and for a small problem whose tree was completed
-  /// within small_budget. If the solution of option global is not proved, `detail` says why.
+  /// With option global: true if the solution is within relative_gap_tolerance of the bound, or if the tree
+  /// proved infeasibility. Without it: true for a certificate, and for a small problem whose tree was
+  /// completed within max_small_problem_nodes. If the solution of option global is not proved, `detail` says
+  /// why.
   bool proved = false;
   /// Lower bound: no feasible point has an objective below it, with an allowance for rounding; where rows
   /// leave a variable unbounded, this holds for |z|∞ up to the radius in `detail`. −∞ if no bound is known,
-  /// so wherever neither option global nor small_budget computed one; +∞ for a problem that is proved
-  /// infeasible. See also marble::Proof.
+  /// so wherever neither option global nor max_small_problem_nodes computed one; +∞ for a problem that is
+  /// proved infeasible. See also marble::Proof.
   double bound = -std::numeric_limits<double>::infinity();
   /// (objective − bound) / max(1, |objective|), ≥ 0; +∞ without a feasible point or a bound.
   double gap = std::numeric_limits<double>::infinity();
-  std::int64_t nodes = 0;       ///< bounded nodes of the tree of option global or small_budget
+  std::int64_t nodes = 0;       ///< bounded nodes of the tree of option global or max_small_problem_nodes
   std::int64_t open_nodes = 0;  ///< nodes left open at the end: 0 if the tree was searched completely
   /// Leaves of a session's last tree with which this tree began instead of the root. They were bounded again
   /// by the multipliers that closed them, without a new solve. `detail` says how many of them stayed closed.
-  std::int64_t warm_nodes = 0;
+  std::int64_t reused_nodes = 0;
   /// The objective that the last cold start on the way to this solution reached: the objective itself or, in
   /// a chain of warm starts, that of the first solve. A warm start that ends clearly above it is followed by
   /// a cold start; with infinity, never.
-  double cold_objective = 0.0;
+  double reference_objective = 0.0;
   Violations violations;  ///< of z, user units
   /// max |Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη| or max |ν (Cz + d)|, whichever is larger, in the user's units
   double kkt_residual = 0.0;

@@ -161,8 +161,8 @@ void BranchDerivatives::find_weak_rows() {
 // the value of a row that is not held may only grow. The same applies to the fixed side of a biactive pair.
 // `by_direction` contains the effect of the direction itself on the weak rows.
 template <class T>
-void BranchDerivatives::tell_holds(const BranchSystem<T>& system, const std::vector<T>& by_direction,
-                                   const Batch<T>& batch, std::vector<std::uint8_t>& holds) const {
+void BranchDerivatives::report_holds(const BranchSystem<T>& system, const std::vector<T>& by_direction,
+                                     const Batch<T>& batch, std::vector<std::uint8_t>& holds) const {
   if (weak_rows_.empty()) return;
   const T largest = system.largest();
   for (std::size_t k = 0; k < weak_rows_.size(); ++k) {
@@ -233,21 +233,21 @@ void BranchDerivatives::find_changes(const ProblemUpdate& by, const Batch<T>& ba
   std::vector<T> by_direction;
   for (const Index row : weak_rows_) by_direction.push_back(-system.right_lambda[row]);
   const auto solved = system.solve(batch.count());
-  tell_holds(system, by_direction, batch, changes.holds);
-  const auto tell = [&](const T* values, double factor, const auto& scale, Numbers& to, std::size_t size) {
+  report_holds(system, by_direction, batch, changes.holds);
+  const auto report = [&](const T* values, double factor, const auto& scale, Numbers& to, std::size_t size) {
     for (Index i = 0; i < static_cast<Index>(size); ++i)
       batch.write((factor * scale[i]) * values[i], to, size, i);
   };
   const RowLayout& rows = problem_.layout;
   const Vector& row_scale = problem_.row_scale;
   const double cost = 1.0 / problem_.cost_scale;
-  tell(system.z, 1.0, problem_.variable_scale, changes.z, sizes_.g);
-  tell(system.y, cost, problem_.equality_scale, changes.equality_multipliers, sizes_.b);
-  tell(system.lambda, -cost, row_scale, changes.inequality_multipliers, sizes_.d);
-  tell(system.lambda + rows.s(0), -cost, rows.s_part(row_scale), changes.complementarity_multipliers_L,
-       sizes_.l);
-  tell(system.lambda + rows.t(0), -cost, rows.t_part(row_scale), changes.complementarity_multipliers_R,
-       sizes_.r);
+  report(system.z, 1.0, problem_.variable_scale, changes.z, sizes_.g);
+  report(system.y, cost, problem_.equality_scale, changes.equality_multipliers, sizes_.b);
+  report(system.lambda, -cost, row_scale, changes.inequality_multipliers, sizes_.d);
+  report(system.lambda + rows.s(0), -cost, rows.s_part(row_scale), changes.complementarity_multipliers_L,
+         sizes_.l);
+  report(system.lambda + rows.t(0), -cost, rows.t_part(row_scale), changes.complementarity_multipliers_R,
+         sizes_.r);
   batch.for_each([&](int i) {
     const std::size_t number = at(batch.number(i));
     if (solved[at(i)] && is_finite(number, sizes_.g, changes.z) &&
@@ -317,11 +317,11 @@ void BranchDerivatives::find_gradients(const AnswerWeights& weights, const Batch
   unscale(system.z, -1.0, problem_.variable_scale);
   unscale(system.y, -cost, problem_.equality_scale);
   unscale(system.lambda, -cost, problem_.row_scale);
-  const auto tell = [&](const T* values, Numbers& to, std::size_t size) {
+  const auto report = [&](const T* values, Numbers& to, std::size_t size) {
     for (Index i = 0; i < static_cast<Index>(size); ++i) batch.write(values[i], to, size, i);
   };
-  const auto tell_rows = [&](const RowMatrix& m, Index first, Index count, const Vector& multipliers,
-                             const T* a, Numbers& to, std::size_t size) {
+  const auto report_rows = [&](const RowMatrix& m, Index first, Index count, const Vector& multipliers,
+                               const T* a, Numbers& to, std::size_t size) {
     for (Index row = first; row < first + count; ++row) {
       if (&m == &problem_.rows && point_.set.held[row] == 0) continue;  // its multiplier stays zero
       for (Index k = m.row_pointers[row]; k < m.row_pointers[row + 1]; ++k) {
@@ -331,15 +331,15 @@ void BranchDerivatives::find_gradients(const AnswerWeights& weights, const Batch
     }
   };
   const RowLayout& rows = problem_.layout;
-  tell(system.z, gradients.g, sizes_.g);
-  tell(system.y, gradients.b, sizes_.b);
-  tell(system.lambda, gradients.d, sizes_.d);
-  tell(system.lambda + rows.s(0), gradients.l, sizes_.l);
-  tell(system.lambda + rows.t(0), gradients.r, sizes_.r);
-  tell_rows(problem_.A, 0, problem_.equalities(), x_y_, system.y, gradients.A, sizes_.A);
-  tell_rows(problem_.rows, 0, rows.inequalities, x_lambda_, system.lambda, gradients.C, sizes_.C);
-  tell_rows(problem_.rows, rows.s(0), rows.pairs, x_lambda_, system.lambda, gradients.L, sizes_.L);
-  tell_rows(problem_.rows, rows.t(0), rows.pairs, x_lambda_, system.lambda, gradients.R, sizes_.R);
+  report(system.z, gradients.g, sizes_.g);
+  report(system.y, gradients.b, sizes_.b);
+  report(system.lambda, gradients.d, sizes_.d);
+  report(system.lambda + rows.s(0), gradients.l, sizes_.l);
+  report(system.lambda + rows.t(0), gradients.r, sizes_.r);
+  report_rows(problem_.A, 0, problem_.equalities(), x_y_, system.y, gradients.A, sizes_.A);
+  report_rows(problem_.rows, 0, rows.inequalities, x_lambda_, system.lambda, gradients.C, sizes_.C);
+  report_rows(problem_.rows, rows.s(0), rows.pairs, x_lambda_, system.lambda, gradients.L, sizes_.L);
+  report_rows(problem_.rows, rows.t(0), rows.pairs, x_lambda_, system.lambda, gradients.R, sizes_.R);
   const SymmetricMatrix& Q = problem_.Q;
   for (Index j = 0; j < Q.size; ++j) {
     for (Index k = Q.column_pointers[j]; k < Q.column_pointers[j + 1]; ++k) {

@@ -73,7 +73,7 @@ void add_violations(const ProblemView& p, std::span<const double> z, Violations&
 }
 
 // Combines the blocks' results into values of the joint problem: bounds of what a new evaluation would give.
-void tell_by_blocks(const CoupledView& view, const Coordination& coordination, Solution& joint) {
+void report_by_blocks(const CoupledView& view, const Coordination& coordination, Solution& joint) {
   const bool solved = coordination.status == Status::solved;
   if (solved) {
     joint.stationarity = Stationarity::strong;
@@ -218,8 +218,8 @@ double sum_of_objectives(const Coordination& coordination) {
 Expected<Solution> solve_from(const Problem& problem, Solution start, const Coordination& coordination,
                               const CoupledOptions& options, const CoupledControls& controls) {
   // If the blocks do not agree, their objective has no meaning.
-  start.cold_objective = coordination.status == Status::solved ? sum_of_objectives(coordination)
-                                                               : std::numeric_limits<double>::max();
+  start.reference_objective = coordination.status == Status::solved ? sum_of_objectives(coordination)
+                                                                    : std::numeric_limits<double>::max();
   start.factorizations = 0;
   auto solver = Solver::create(problem, options.options, setup_of(controls, options.options));
   if (!solver && !ends_early(solver.error())) return unexpected(solver.error());
@@ -258,8 +258,8 @@ Expected<CoupledSolution> finish_coupled(const CoupledView& view, Coordination c
     result.joint = std::move(start);
     result.joint.status = coordination.status;
     result.joint.detail = coordination.detail;
-    result.joint.objective = result.joint.cold_objective = result.blocks_objective;
-    tell_by_blocks(view, coordination, result.joint);
+    result.joint.objective = result.joint.reference_objective = result.blocks_objective;
+    report_by_blocks(view, coordination, result.joint);
     if (coordination.failed_block) {
       const std::size_t k = *coordination.failed_block;
       result.joint.certificate = widened(view, result.places, k, coordination.answers[k].solution);

@@ -34,8 +34,8 @@ Solution search_near(const Problem& user_problem, Solution start, const Options&
   }
   start.factorizations = run.factorizations;
   if (!incumbent.exists()) return start;
-  tell(problem, incumbent.best().x, start);
-  start.cold_objective = problem.user_objective(incumbent.best().objective);
+  report(problem, incumbent.best().x, start);
+  start.reference_objective = problem.user_objective(incumbent.best().objective);
   return start;
 }
 

@@ -305,7 +305,7 @@ CoupledStart Pieces::start(const Solution& whole) const {
 Expected<void> PiecesOptions::check() const {
   if (auto valid = coupled.check(); !valid) return valid;
   if (!coupled.joint) return unexpected(invalid("joint", "must be true of a problem in pieces"));
-  if (look_ahead < -1) return unexpected(invalid("look_ahead", std::to_string(look_ahead), "must be >= -1"));
+  if (overlap < -1) return unexpected(invalid("overlap", std::to_string(overlap), "must be >= -1"));
   return {};
 }
 
@@ -356,7 +356,7 @@ Expected<PiecesSolution> solve_in_pieces(const Problem& problem, std::span<const
       return unexpected(fits.error());
     const std::vector<Index> ends = ends_of(stage_of_variable, *piece_of_variable, options.pieces);
     auto swept = sweep(
-        problem, {.stage_of_variable = stage_of_variable, .ends = ends, .look_ahead = options.look_ahead},
+        problem, {.stage_of_variable = stage_of_variable, .ends = ends, .overlap = options.overlap},
         options.coupled.options, {.stop = own.stop, .runner = own.runner, .begun = own.begun}, own.setup);
     if (!swept) return unexpected(swept.error());
     PiecesSolution result;

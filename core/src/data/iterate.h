@@ -59,7 +59,7 @@ inline void take(const ScaledProblem& problem, const Solution& answer, Iterate& 
 }
 
 /// Does the reverse: copies z and the multipliers of an iterate to a solution, in the user's units.
-inline void tell(const ScaledProblem& problem, const Iterate& x, Solution& answer) {
+inline void report(const ScaledProblem& problem, const Iterate& x, Solution& answer) {
   const auto unscale = [](ConstVectorRef values, ConstVectorRef scale, double factor,
                           std::vector<double>& out) {
     out.resize(static_cast<std::size_t>(values.size()));

@@ -105,7 +105,7 @@ PairTree::End Feasibility::search_tree(Run& run, ConstVectorRef z, int last_fact
 
 SetTree::End Feasibility::search_sets(Run& run, ConstVectorRef z) {
   if (!sets_.applies(run)) return SetTree::End::stopped;
-  const std::int64_t most = std::int64_t{tuning::set_nodes} * options_.feasibility_budget;
+  const std::int64_t most = std::int64_t{tuning::set_nodes} * options_.max_feasibility_factorizations;
   return sets_.run(run, z, most, [&](ConstVectorRef point, const WorkingSet& branch) {
     return take(run, point, branch, "tree over sets of pairs");
   });
@@ -115,15 +115,15 @@ Feasibility::End Feasibility::run(Run& run, ConstVectorRef z) {
   const PhaseScope phase(run.activity(), Phase::feasibility);
   const Run::Polishing polishing(run);
   const int begin = run.factorizations;
-  int last = begin + options_.feasibility_budget;
-  int half = begin + options_.feasibility_budget / 2;
+  int last = begin + options_.max_feasibility_factorizations;
+  int half = begin + options_.max_feasibility_factorizations / 2;
   auto tree = PairTree::End::stopped;
   auto sets = SetTree::End::stopped;
   const bool found = [&] {
     if (pivot(run, z, 0, tuning::lemke_ways, last) || pivot_carefully(run, z, last)) return true;
     const bool few_pairs = problem_.pairs() <= tuning::tree_pairs;
     if (few_pairs) {
-      tree = search_tree(run, z, begin + options_.feasibility_budget / tuning::tree_first_share);
+      tree = search_tree(run, z, begin + options_.max_feasibility_factorizations / tuning::tree_first_share);
       if (tree != PairTree::End::stopped) return tree == PairTree::End::found;
     }
     const int before = run.factorizations;

@@ -86,9 +86,9 @@ std::optional<Solution> solve_in_segments(const ScaledProblem& problem, const Op
   const auto checked = Problem::create(user.view());
   if (!checked) return std::nullopt;
   Options own = options;
-  own.starts = 1;
-  own.global = false;
-  own.feasibility_budget = 0;
+  own.num_starts = 1;
+  own.global_search = false;
+  own.max_feasibility_factorizations = 0;
   run.set_done(Phase::local_search, 0, std::ssize(ends));
   const auto swept = sweep(
       *checked, {.stage_of_variable = stages->of_variable, .ends = ends, .passes = tuning::sweep_passes}, own,

@@ -47,7 +47,7 @@ class Sweep {
   using End = Window::End;
   [[nodiscard]] Index start_of(std::size_t k) const { return k > 0 ? plan_.ends[k - 1] : 0; }
   [[nodiscard]] Index ahead(std::size_t k) const {
-    return plan_.look_ahead >= 0 ? plan_.look_ahead : std::max(2, (plan_.ends[k] - start_of(k)) / 3);
+    return plan_.overlap >= 0 ? plan_.overlap : std::max(2, (plan_.ends[k] - start_of(k)) / 3);
   }
   [[nodiscard]] Index end_of(std::size_t k) const {
     return plan_.ends[k] + std::min(ahead(k), plan_.ends.back() - plan_.ends[k]);
@@ -137,7 +137,7 @@ Expected<void> Sweep::improve() {
       if (interrupt_.requested()) return {};
       if (!part) return unexpected(part.error());
       Solution start = window_.part_of(whole_);
-      start.cold_objective = std::numeric_limits<double>::max();
+      start.reference_objective = std::numeric_limits<double>::max();
       const auto answer = solve(*part, &start);
       if (!answer) return unexpected(answer.error());
       if (is_solved(answer->status) && answer->objective <= objective(part->view(), start.z))

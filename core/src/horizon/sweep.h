@@ -1,5 +1,5 @@
 // Solves a long horizon segment by segment. Each segment is solved alone from the end of the previous one,
-// with some look-ahead stages beyond those that it decides.
+// with some overlap stages beyond those that it decides.
 #pragma once
 
 #include <span>
@@ -11,7 +11,7 @@ namespace marble {
 struct SweepPlan {
   std::span<const Index> stage_of_variable;  ///< n; a row may have variables of any stages
   std::span<const Index> ends;  ///< stage after the last one of each segment; the last end is the count
-  Index look_ahead = -1;        ///< stages beyond a segment; -1: a third of its length, but at least 2
+  Index overlap = -1;           ///< stages beyond a segment; -1: a third of its length, but at least 2
   /// Maximum number of passes that solve each segment again, with stages before and after it, between the
   /// current values of the other segments.
   int passes = 0;

@@ -78,10 +78,10 @@ Ending Reference::run(Run& run, ConstVectorRef initial_z) {
   best_violations_ = violations_;
   auto state = ReferenceMethod::State::going_on;
   while (state == ReferenceMethod::State::going_on) {
-    reporter_.tell(run, x_.z(), images_.objective, violations_,
-                   {.kkt_residual = max_abs(images_.stationarity),
-                    .kappa = method_->relaxation(),
-                    .rho = method_->penalty()});
+    reporter_.report(run, x_.z(), images_.objective, violations_,
+                     {.kkt_residual = max_abs(images_.stationarity),
+                      .kappa = method_->relaxation(),
+                      .rho = method_->penalty()});
     if (largest(violations_) < largest(best_violations_)) {
       best_.all = x_.all;
       best_violations_ = violations_;
@@ -111,7 +111,7 @@ Ending Reference::judge(ReferenceMethod::State state) const {
     return {Status::solved, name + where, {}};
   if (within_tolerances(violations_, options_, tuning::reduced_factor) &&
       residual <= tuning::reduced_residual)
-    return {Status::solved_reduced, name + " came no nearer" + where, {}};
+    return {Status::almost_solved, name + " came no nearer" + where, {}};
   if (state == State::given_up)
     return {Status::locally_infeasible, name + " gave up at its last penalty" + where, {}};
   return {Status::numerical_failure, name + " did not solve a problem on its way" + where, {}};

@@ -17,7 +17,7 @@ class Reference {
   Reference(const ScaledProblem& problem, Kkt& kkt, const Options& options, BranchEngines& branch);
 
   /// Runs the selected method from z (scaled). Returns solved if the point is within the tolerances and
-  /// stationary, solved_reduced if it is within 100 times of them, and locally_infeasible if the largest
+  /// stationary, almost_solved if it is within 100 times of them, and locally_infeasible if the largest
   /// penalty did not suffice.
   [[nodiscard]] Ending run(Run& run, ConstVectorRef initial_z);
   /// Returns the final point, or the best point so far if the run was interrupted.

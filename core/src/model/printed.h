@@ -10,8 +10,8 @@ namespace marble {
 /// Returns the options in force: Algorithm 1 as printed has no step before it and none after it.
 [[nodiscard]] inline Options in_force(Options options) {
   if (is_printed(options)) {
-    options.scaling_passes = options.local_search_budget = options.feasibility_budget = options.small_budget =
-        0;
+    options.scaling_passes = options.max_local_search_factorizations =
+        options.max_feasibility_factorizations = options.max_small_problem_nodes = 0;
     options.polish = false;
   }
   return options;

@@ -48,7 +48,7 @@ std::string counted(std::int64_t count, const char* what) {
 // What a text has in braces.
 std::string part(std::string_view name, const SolutionFacts& s) {
   const bool bounded = std::isfinite(s.gap);
-  if (name == "within") return bounded && s.gap > Options().gap_tolerance ? phrase::within : "";
+  if (name == "within") return bounded && s.gap > Options().relative_gap_tolerance ? phrase::within : "";
   if (name == "optimum" && s.pairs == 0 && !bounded) return phrase::optimum_if_convex;
   if (name == "optimum" || name == "bound") return bounded ? phrase::bounded : phrase::not_bounded;
   if (name == "reason" && s.b_stationary == false) return phrase::another_branch;
@@ -85,20 +85,21 @@ bool solved_in_segments(const Solution& s) { return s.detail.find("segments; ") 
 const char* to_string(SolutionKind kind) { return texts_of(kind).name; }
 
 SolutionFacts facts_of(const Solution& s, const Options& options) {
-  return {.status = s.status,
-          .proved = s.proved,
-          .stationarity = s.stationarity,
-          .b_stationary = s.b_stationary,
-          .second_order = s.second_order,
-          .objective = s.objective,
-          .bound = s.bound,
-          .gap = s.gap,
-          .feasible = within_tolerances(s.violations, options),
-          .pairs = static_cast<std::int64_t>(s.complementarity_multipliers_L.size()),
-          .factorizations = s.factorizations,
-          .budget_spent = s.factorizations >= options.local_search_budget && !solved_in_segments(s),
-          .starts = options.starts,
-          .global_search = options.global};
+  return {
+      .status = s.status,
+      .proved = s.proved,
+      .stationarity = s.stationarity,
+      .b_stationary = s.b_stationary,
+      .second_order = s.second_order,
+      .objective = s.objective,
+      .bound = s.bound,
+      .gap = s.gap,
+      .feasible = within_tolerances(s.violations, options),
+      .pairs = static_cast<std::int64_t>(s.complementarity_multipliers_L.size()),
+      .factorizations = s.factorizations,
+      .budget_spent = s.factorizations >= options.max_local_search_factorizations && !solved_in_segments(s),
+      .starts = options.num_starts,
+      .global_search = options.global_search};
 }
 
 SolutionKind kind_of(const SolutionFacts& s) {
@@ -110,7 +111,7 @@ SolutionKind kind_of(const SolutionFacts& s) {
         return SolutionKind::stationary_point;
       return s.second_order == SecondOrder::convex && s.pairs == 0 ? SolutionKind::optimal
                                                                    : SolutionKind::local_minimum;
-    case Status::solved_reduced:
+    case Status::almost_solved:
       return SolutionKind::almost_solved;
     case Status::infeasible:
       return SolutionKind::proved_infeasible;

@@ -117,12 +117,12 @@ double InteriorEngine::move() {
 }
 
 void InteriorEngine::report(Run& run) {
-  reporter_.tell(run, x_.z(), images_.objective, violations(problem_, images_),
-                 {.kkt_residual = primal_residual_,
-                  .kappa = kappa_,
-                  .rho = tuning::interior_rho,
-                  .step_length = step_length_,
-                  .regularization = weights_.delta});
+  reporter_.report(run, x_.z(), images_.objective, violations(problem_, images_),
+                   {.kkt_residual = primal_residual_,
+                    .kappa = kappa_,
+                    .rho = tuning::interior_rho,
+                    .step_length = step_length_,
+                    .regularization = weights_.delta});
 }
 
 }  // namespace marble

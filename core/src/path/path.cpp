@@ -130,7 +130,7 @@ void PathEngine::evaluate() {
 // point.
 Ending PathEngine::end_as_printed() {
   if (solved_afresh()) return {Status::solved, {}, {}};
-  return {Status::solved_reduced, "Algorithm 1 looks at violations alone; " + describe(violations_), {}};
+  return {Status::almost_solved, "Algorithm 1 looks at violations alone; " + describe(violations_), {}};
 }
 
 bool PathEngine::feasible() const {
@@ -246,12 +246,12 @@ void PathEngine::remember_best() {
 }
 
 void PathEngine::report(Run& run) {
-  reporter_.tell(run, x_.z(), images_.objective, violations_,
-                 {.kkt_residual = residual_norm_,
-                  .kappa = sub_.kappa,
-                  .rho = sub_.rho,
-                  .step_length = step_length_,
-                  .regularization = regularization_.current()});
+  reporter_.report(run, x_.z(), images_.objective, violations_,
+                   {.kkt_residual = residual_norm_,
+                    .kappa = sub_.kappa,
+                    .rho = sub_.rho,
+                    .step_length = step_length_,
+                    .regularization = regularization_.current()});
 }
 
 }  // namespace marble

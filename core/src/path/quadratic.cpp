@@ -172,12 +172,12 @@ void QuadraticEngine::read_rows() {
 
 void QuadraticEngine::report(Run& run) {
   if (run.sink() == nullptr) return;
-  reporter_.tell(run, x_.z(), images_.objective, violations(problem_, images_),
-                 {.kkt_residual = max_abs(images_.stationarity),
-                  .kappa = kappa_,
-                  .rho = weights_.rho,
-                  .step_length = step_length_,
-                  .regularization = weights_.delta});
+  reporter_.report(run, x_.z(), images_.objective, violations(problem_, images_),
+                   {.kkt_residual = max_abs(images_.stationarity),
+                    .kappa = kappa_,
+                    .rho = weights_.rho,
+                    .step_length = step_length_,
+                    .regularization = weights_.delta});
 }
 
 }  // namespace marble

@@ -78,8 +78,8 @@ Descent::End Descent::run(Run& run, const Iterate& x, const WorkingSet& set, Con
 }
 
 void Descent::report(Run& run) {
-  reporter_.tell(run, x_.z(), images_.objective, violations(problem_, images_),
-                 {.rho = tuning::exact_rho, .step_length = 1.0});
+  reporter_.report(run, x_.z(), images_.objective, violations(problem_, images_),
+                   {.rho = tuning::exact_rho, .step_length = 1.0});
 }
 
 // Moves to the blocking row, which is held from then on.

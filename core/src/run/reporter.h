@@ -15,9 +15,9 @@ class Reporter {
   /// Completes `progress` with a point (scaled), its objective (scaled) and violations, the run's counters
   /// and its clock, and reports it, unless this iteration was already reported: an engine that resumes begins
   /// at the last row.
-  void tell(Run& run, ConstVectorRef z, double objective, const Violations& violations, Progress progress) {
-    if (run.sink() == nullptr || run.iterations == run.told_iteration) return;
-    run.told_iteration = run.iterations;
+  void report(Run& run, ConstVectorRef z, double objective, const Violations& violations, Progress progress) {
+    if (run.sink() == nullptr || run.iterations == run.reported_iteration) return;
+    run.reported_iteration = run.iterations;
     z_ = z.cwiseProduct(problem_.variable_scale);
     progress.objective = problem_.user_objective(objective);
     progress.violations = violations;

@@ -33,7 +33,7 @@ class Run {
   std::int32_t outer_iterations = 0;
   std::int32_t factorizations = 0;
   bool nonconvex = false;  // a factorization showed that Q has negative curvature in a relevant direction
-  std::int32_t told_iteration = -1;  // the last reported iteration
+  std::int32_t reported_iteration = -1;  // the last reported iteration
   Times times;
   double bytes_left = std::numeric_limits<double>::infinity();  // for systems of its proofs
 
@@ -128,7 +128,7 @@ class Run {
   void add_part(const Run& part) {
     iterations += part.iterations - part.begun_iterations_;
     factorizations += part.factorizations - part.begun_factorizations_;
-    if (!part.silent_) told_iteration = part.told_iteration;
+    if (!part.silent_) reported_iteration = part.reported_iteration;
     nonconvex = nonconvex || part.nonconvex;
     times += part.times;
   }

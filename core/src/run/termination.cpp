@@ -28,7 +28,7 @@ Ending explain_end(const ScaledProblem& p, const Options& options, const Iterate
   const std::string residual_text = "scaled KKT residual " + scientific(residual_norm, 2) + "; ";
   if (within_tolerances(violations, options, tuning::reduced_factor) &&
       residual_norm <= tuning::reduced_residual) {
-    return {Status::solved_reduced, "no further progress was possible; " + residual_text + where, {}};
+    return {Status::almost_solved, "no further progress was possible; " + residual_text + where, {}};
   }
   if (stalled) {
     return {Status::locally_infeasible,

@@ -33,18 +33,18 @@ double distance_squared(std::span<const double> a, std::span<const double> b, st
 
 }  // namespace
 
-Solution world_part(const Stages& stages, const Solution& answer, std::size_t world, double weight) {
+Solution scenario_part(const Stages& stages, const Solution& answer, std::size_t scenario, double weight) {
   Solution part;
   each_vector(stages, [&](const Vector& vector) {
     const std::size_t size = vector.split.second.size();
     const auto first = (answer.*vector.values).begin() +
-                       static_cast<std::ptrdiff_t>(vector.split.first.size() + world * size);
+                       static_cast<std::ptrdiff_t>(vector.split.first.size() + scenario * size);
     std::vector<double>& values = part.*vector.values;
     values.assign(first, first + static_cast<std::ptrdiff_t>(size));
     if (vector.multipliers)  // a weight may underflow, and the quotient then overflow
       for (double& value : values) value = std::isfinite(value / weight) ? value / weight : 0.0;
   });
-  part.cold_objective = std::numeric_limits<double>::infinity();
+  part.reference_objective = std::numeric_limits<double>::infinity();
   return part;
 }
 
@@ -60,11 +60,11 @@ Solution lifted(const Stages& stages, const Solution& answer, std::span<const So
       for (const double value : parts[s]->*vector.values)
         values.push_back(vector.multipliers ? weights[s] * value : value);
   });
-  result.cold_objective = std::numeric_limits<double>::infinity();
+  result.reference_objective = std::numeric_limits<double>::infinity();
   return result;
 }
 
-std::size_t nearest(const Stages& stages, const ScenarioNumbers& world,
+std::size_t nearest(const Stages& stages, const ScenarioNumbers& scenario,
                     std::span<const ScenarioNumbers> known, Checkpoint& checkpoint) {
   const ProblemView& base = stages.base().view();
   std::size_t best = 0;
@@ -72,12 +72,12 @@ std::size_t nearest(const Stages& stages, const ScenarioNumbers& world,
   for (std::size_t s = 0; s < known.size(); ++s) {
     double sum = 0.0;
     std::size_t numbers = 1;
-#define MARBLE_VECTOR(letter, field)                                   \
-  sum += distance_squared(world.letter, known[s].letter, base.letter); \
-  numbers += std::max(world.letter.size(), known[s].letter.size());
-#define MARBLE_MATRIX(letter, field, update, vector)                          \
-  sum += distance_squared(world.letter, known[s].letter, base.letter.values); \
-  numbers += std::max(world.letter.size(), known[s].letter.size());
+#define MARBLE_VECTOR(letter, field)                                      \
+  sum += distance_squared(scenario.letter, known[s].letter, base.letter); \
+  numbers += std::max(scenario.letter.size(), known[s].letter.size());
+#define MARBLE_MATRIX(letter, field, update, vector)                             \
+  sum += distance_squared(scenario.letter, known[s].letter, base.letter.values); \
+  numbers += std::max(scenario.letter.size(), known[s].letter.size());
 #include "marble/contract.def"
     if (checkpoint.reached(static_cast<std::int64_t>(numbers))) break;
     if (sum < least) {
@@ -88,18 +88,18 @@ std::size_t nearest(const Stages& stages, const ScenarioNumbers& world,
   return best;
 }
 
-std::vector<double> normalized_weights(std::span<const ScenarioNumbers> worlds) {
+std::vector<double> normalized_weights(std::span<const ScenarioNumbers> scenarios) {
   double sum = 0.0;
-  for (const ScenarioNumbers& world : worlds) sum += world.weight;
+  for (const ScenarioNumbers& scenario : scenarios) sum += scenario.weight;
   double unit = 1.0;  // 1 unless the sum overflows
   if (!std::isfinite(sum)) {
-    for (const ScenarioNumbers& world : worlds) unit = std::max(unit, world.weight);
+    for (const ScenarioNumbers& scenario : scenarios) unit = std::max(unit, scenario.weight);
     sum = 0.0;
-    for (const ScenarioNumbers& world : worlds) sum += world.weight / unit;
+    for (const ScenarioNumbers& scenario : scenarios) sum += scenario.weight / unit;
   }
   std::vector<double> weights;
-  weights.reserve(worlds.size());
-  for (const ScenarioNumbers& world : worlds) weights.push_back(world.weight / unit / sum);
+  weights.reserve(scenarios.size());
+  for (const ScenarioNumbers& scenario : scenarios) weights.push_back(scenario.weight / unit / sum);
   return weights;
 }
 

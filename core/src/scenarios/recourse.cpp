@@ -23,17 +23,17 @@ class Batch {
   explicit Batch(const BatchControls& controls) : controls_(controls), options_(controls.options) {}
 
   // Solves the LCQP of a scenario, from `start` unless it is null.
-  Recourse solve(const OwnedProblem& world, const Solution* start) {
+  Recourse solve(const OwnedProblem& scenario, const Solution* start) {
     if (const auto ended = interrupted()) return {*ended, {}};
     if (!solver_) {
-      const auto problem = Problem::create(world.view());
+      const auto problem = Problem::create(scenario.view());
       if (!problem) return {};
       auto made = Solver::create(
           *problem, options_,
           {.most_bytes = controls_.most_bytes, .stop = controls_.stop, .until = controls_.until});
       if (!made) return {interrupted().value_or(Status::numerical_failure), {}};
       solver_.emplace(*std::move(made));
-    } else if (!solver_->update(numbers_of(world))) {
+    } else if (!solver_->update(numbers_of(scenario))) {
       return {};
     }
     options_.time_limit_s = std::max(
@@ -81,31 +81,31 @@ void in_batches(std::size_t count, const BatchControls& controls,
 }  // namespace
 
 std::vector<Recourse> solve_recourse(const Stages& stages, std::span<const double> x,
-                                     std::span<const ScenarioNumbers> worlds,
+                                     std::span<const ScenarioNumbers> scenarios,
                                      std::span<const Solution* const> starts, const BatchControls& controls) {
-  std::vector<Recourse> result(worlds.size());
-  in_batches(worlds.size(), controls, [&](Batch& batch, std::size_t s) {
-    result[s] = batch.solve(stages.recourse(worlds[s], x), starts.empty() ? nullptr : starts[s]);
+  std::vector<Recourse> result(scenarios.size());
+  in_batches(scenarios.size(), controls, [&](Batch& batch, std::size_t s) {
+    result[s] = batch.solve(stages.recourse(scenarios[s], x), starts.empty() ? nullptr : starts[s]);
   });
   return result;
 }
 
 // Uses 1.96 standard deviations of a weighted mean; the variance is unbiased if the weights are equal.
-OutOfSample judged(std::span<const ScenarioNumbers> worlds, std::span<const Recourse> recourse) {
+OutOfSample judged(std::span<const ScenarioNumbers> scenarios, std::span<const Recourse> recourse) {
   OutOfSample result;
-  result.scenarios = static_cast<std::int64_t>(worlds.size());
+  result.scenarios = static_cast<std::int64_t>(scenarios.size());
   double unit = 0.0;  // the largest weight if squares of weights overflow or underflow
-  for (std::size_t s = 0; s < worlds.size(); ++s)
-    if (recourse[s].found()) unit = std::max(unit, worlds[s].weight);
-  if (std::isnormal(unit * unit * static_cast<double>(worlds.size()))) unit = 1.0;
+  for (std::size_t s = 0; s < scenarios.size(); ++s)
+    if (recourse[s].found()) unit = std::max(unit, scenarios[s].weight);
+  if (std::isnormal(unit * unit * static_cast<double>(scenarios.size()))) unit = 1.0;
   double weight = 0.0, squares = 0.0, sum = 0.0;
-  for (std::size_t s = 0; s < worlds.size(); ++s) {
+  for (std::size_t s = 0; s < scenarios.size(); ++s) {
     result.factorizations += recourse[s].solution.factorizations;
     if (!recourse[s].found()) {
       ++result.without_recourse;
       continue;
     }
-    const double own = worlds[s].weight / unit;
+    const double own = scenarios[s].weight / unit;
     weight += own;
     squares += own * own;
     sum += own * recourse[s].solution.objective;
@@ -115,10 +115,10 @@ OutOfSample judged(std::span<const ScenarioNumbers> worlds, std::span<const Reco
   constexpr double kLargest = std::numeric_limits<double>::max();
   result.mean = std::isnan(sum) ? 0.0 : std::clamp(sum / weight, -kLargest, kLargest);
   double variance = 0.0;
-  for (std::size_t s = 0; s < worlds.size(); ++s) {
+  for (std::size_t s = 0; s < scenarios.size(); ++s) {
     if (!recourse[s].found()) continue;
     const double difference = recourse[s].solution.objective - result.mean;
-    variance += worlds[s].weight / unit / weight * difference * difference;
+    variance += scenarios[s].weight / unit / weight * difference * difference;
   }
   if (found > 1.0 && std::isfinite(variance))
     result.half_width =
@@ -126,11 +126,11 @@ OutOfSample judged(std::span<const ScenarioNumbers> worlds, std::span<const Reco
   return result;
 }
 
-std::vector<Status> solve_alone(const Stages& stages, std::span<const ScenarioNumbers> worlds,
+std::vector<Status> solve_alone(const Stages& stages, std::span<const ScenarioNumbers> scenarios,
                                 const BatchControls& controls) {
-  std::vector<Status> result(worlds.size());
-  in_batches(worlds.size(), controls, [&](Batch& batch, std::size_t s) {
-    result[s] = batch.solve(stages.alone(worlds[s]), nullptr).status;
+  std::vector<Status> result(scenarios.size());
+  in_batches(scenarios.size(), controls, [&](Batch& batch, std::size_t s) {
+    result[s] = batch.solve(stages.alone(scenarios[s]), nullptr).status;
   });
   return result;
 }

@@ -32,15 +32,17 @@ struct BatchControls {
 /// Returns the best recourse of each scenario at x, from `starts[s]` if that is given; starts may be empty. A
 /// scenario that was not reached in time has the status time_limit or cancelled.
 [[nodiscard]] std::vector<Recourse> solve_recourse(const Stages& stages, std::span<const double> x,
-                                                   std::span<const ScenarioNumbers> worlds,
+                                                   std::span<const ScenarioNumbers> scenarios,
                                                    std::span<const Solution* const> starts,
                                                    const BatchControls& controls);
 
 /// Returns the mean cost of the recourses of these scenarios and its confidence interval.
-[[nodiscard]] OutOfSample judged(std::span<const ScenarioNumbers> worlds, std::span<const Recourse> recourse);
+[[nodiscard]] OutOfSample judged(std::span<const ScenarioNumbers> scenarios,
+                                 std::span<const Recourse> recourse);
 
 /// Returns the status of each scenario's own LCQP, including its plan.
-[[nodiscard]] std::vector<Status> solve_alone(const Stages& stages, std::span<const ScenarioNumbers> worlds,
+[[nodiscard]] std::vector<Status> solve_alone(const Stages& stages,
+                                              std::span<const ScenarioNumbers> scenarios,
                                               const BatchControls& controls);
 
 }  // namespace marble

@@ -27,27 +27,27 @@ double seconds_since(Clock::time_point begun) {
   return std::chrono::duration<double>(Clock::now() - begun).count();
 }
 
-Expected<void> validate_settings(const ScenarioSettings& settings) {
-  const auto refuse = [](const char* field, double value, const char* bound) {
-    return unexpected(invalid(std::string("settings.") + field, text_of(value), bound));
+Expected<void> validate_settings(const ScenarioSettings& s) {
+  const auto check = [](bool valid, const char* field, auto value, const char* bound) -> Expected<void> {
+    if (valid) return {};
+    return unexpected(invalid(std::string("settings.") + field, text_of(static_cast<double>(value)), bound));
   };
-  if (auto valid = validate_without_explain(settings.options); !valid)
+  if (auto valid = validate_without_explain(s.options); !valid)
     return unexpected(inside("settings.options", valid.error()));
-  if (settings.first_scenarios < 1)
-    return refuse("first_scenarios", static_cast<double>(settings.first_scenarios), "must be >= 1");
-  if (!std::isfinite(settings.growth) || settings.growth <= 1.0)
-    return refuse("growth", settings.growth, "must be finite and > 1");
-  if (settings.most_scenarios < settings.first_scenarios)
-    return refuse("most_scenarios", static_cast<double>(settings.most_scenarios),
-                  "must be >= first_scenarios");
-  if (!std::isfinite(settings.tolerance) || settings.tolerance < 0.0)
-    return refuse("tolerance", settings.tolerance, "must be finite and >= 0");
-  if (settings.least_scenarios < 1)
-    return refuse("least_scenarios", static_cast<double>(settings.least_scenarios), "must be >= 1");
-  if (!(settings.without_recourse >= 0.0 && settings.without_recourse <= 1.0))
-    return refuse("without_recourse", settings.without_recourse, "must be in [0, 1]");
-  if (settings.fresh_scenarios < 0)
-    return refuse("fresh_scenarios", static_cast<double>(settings.fresh_scenarios), "must be >= 0");
+  for (Expected<void> valid :
+       {check(s.initial_sample_size >= 1, "initial_sample_size", s.initial_sample_size, "must be >= 1"),
+        check(std::isfinite(s.growth) && s.growth > 1.0, "growth", s.growth, "must be finite and > 1"),
+        check(s.max_sample_size >= s.initial_sample_size, "max_sample_size", s.max_sample_size,
+              "must be >= initial_sample_size"),
+        check(std::isfinite(s.tolerance) && s.tolerance >= 0.0, "tolerance", s.tolerance,
+              "must be finite and >= 0"),
+        check(s.min_sample_size >= 1, "min_sample_size", s.min_sample_size, "must be >= 1"),
+        check(s.without_recourse >= 0.0 && s.without_recourse <= 1.0, "without_recourse", s.without_recourse,
+              "must be in [0, 1]"),
+        check(s.out_of_sample_scenarios >= 0, "out_of_sample_scenarios", s.out_of_sample_scenarios,
+              "must be >= 0")}) {
+    if (!valid) return valid;
+  }
   return {};
 }
 
@@ -97,13 +97,13 @@ class Levels {
         begun_(controls.begun.value_or(Clock::now())),
         until_(after(begun_, settings.options.time_limit_s)),
         interrupt_(controls.stop, until_),
-        most_(std::min(settings.most_scenarios, problem.scenarios)),
+        most_(std::min(settings.max_sample_size, problem.scenarios)),
         progress_(controls.progress) {}
 
   Expected<ScenarioAnswer> run() {
     const PhaseScope phase(controls_.activity, Phase::scenarios, most_);
-    std::int64_t count = std::min(settings_.first_scenarios, most_);
-    for (double size = static_cast<double>(settings_.first_scenarios);;) {
+    std::int64_t count = std::min(settings_.initial_sample_size, most_);
+    for (double size = static_cast<double>(settings_.initial_sample_size);;) {
       if (auto drawn = draw(1); !drawn) return unexpected(drawn.error());
       if (const double bytes = bytes_of_level(count); bytes > most_bytes()) {
         Error error = too_large(static_cast<double>(count), bytes, setup_.most_bytes);
@@ -131,7 +131,7 @@ class Levels {
       const std::int64_t next =
           size >= static_cast<double>(most_) ? most_ : static_cast<std::int64_t>(std::ceil(size));
       if (auto tried = try_fresh(level, next); !tried) return unexpected(tried.error());
-      tell(level);
+      report(level);
       if (const auto ended = end_of(level)) return end(*ended, level.detail);
       if (count == most_) return end(ScenarioEnd::samples, level.detail);
       count = next;
@@ -143,15 +143,15 @@ class Levels {
 
   // Estimates with the average size of the scenarios drawn so far; includes all that are drawn already.
   [[nodiscard]] double bytes_of_level(std::int64_t count) const {
-    const auto drawn = static_cast<double>(worlds_.size());
-    const double average = worlds_bytes_ / drawn;
+    const auto drawn = static_cast<double>(scenarios_.size());
+    const double average = scenarios_bytes_ / drawn;
     const double more = std::max(0.0, drawn - static_cast<double>(count));
     return level_bytes(stages_, static_cast<double>(count), average, settings_.options) + more * average;
   }
 
   // Memory that is held between levels.
   [[nodiscard]] double bytes_held() const {
-    return worlds_bytes_ + 2.0 * static_cast<double>(parts_.size()) * stages_.part_bytes() +
+    return scenarios_bytes_ + 2.0 * static_cast<double>(parts_.size()) * stages_.part_bytes() +
            stages_.answer_bytes(static_cast<double>(answer_.scenarios));
   }
 
@@ -166,31 +166,31 @@ class Levels {
 
   // Draws scenarios up to number `count`, or as many as exist. Draws fewer if interrupted.
   Expected<void> draw(std::int64_t count) {
-    while (static_cast<std::int64_t>(worlds_.size()) < std::min(count, problem_.scenarios)) {
-      if (!worlds_.empty() && interrupt_.requested()) return {};
-      const auto number = static_cast<std::int64_t>(worlds_.size());
-      auto world = problem_.sample(number);
-      if (!world) return unexpected(world.error());
-      if (auto valid = stages_.check(*world); !valid)
+    while (static_cast<std::int64_t>(scenarios_.size()) < std::min(count, problem_.scenarios)) {
+      if (!scenarios_.empty() && interrupt_.requested()) return {};
+      const auto number = static_cast<std::int64_t>(scenarios_.size());
+      auto scenario = problem_.sample(number);
+      if (!scenario) return unexpected(scenario.error());
+      if (auto valid = stages_.check(*scenario); !valid)
         return unexpected(inside("scenario[" + std::to_string(number) + "]", valid.error()));
-      worlds_bytes_ += bytes_of(*world);
-      if (worlds_bytes_ > most_bytes())
-        return unexpected(too_large(static_cast<double>(number + 1), worlds_bytes_, setup_.most_bytes));
-      worlds_.push_back(*std::move(world));
+      scenarios_bytes_ += bytes_of(*scenario);
+      if (scenarios_bytes_ > most_bytes())
+        return unexpected(too_large(static_cast<double>(number + 1), scenarios_bytes_, setup_.most_bytes));
+      scenarios_.push_back(*std::move(scenario));
     }
     return {};
   }
 
-  [[nodiscard]] std::span<const ScenarioNumbers> worlds(std::int64_t first, std::int64_t last) const {
-    return std::span(worlds_).subspan(static_cast<std::size_t>(first),
-                                      static_cast<std::size_t>(last - first));
+  [[nodiscard]] std::span<const ScenarioNumbers> scenarios(std::int64_t first, std::int64_t last) const {
+    return std::span(scenarios_)
+        .subspan(static_cast<std::size_t>(first), static_cast<std::size_t>(last - first));
   }
 
   // Starts from the last level's solution, lifted. The search for a distant feasible point comes last: if
   // none exists, it is faster to find a scenario that has no plan alone.
   Expected<Solution> solve(ScenarioLevel& level) {
     const auto begun = Clock::now();
-    const auto sample = worlds(0, level.scenarios);
+    const auto sample = scenarios(0, level.scenarios);
     weights_ = normalized_weights(sample);
     std::optional<Solution> start;
     if (answer_.scenarios > 0) start = lift(level.scenarios);
@@ -202,8 +202,9 @@ class Levels {
     level.pairs = problem->pairs();
     Options options = settings_.options;
     if (start)
-      options.local_search_budget = std::min(options.local_search_budget, tuning::scenario_search_budget);
-    if (level.scenarios > 1) options.feasibility_budget = 0;
+      options.max_local_search_factorizations =
+          std::min(options.max_local_search_factorizations, tuning::scenario_search_budget);
+    if (level.scenarios > 1) options.max_feasibility_factorizations = 0;
     const auto count = static_cast<double>(level.scenarios);
     const double beside = bytes_held() + stages_.assembled_bytes(count) + 2.0 * stages_.answer_bytes(count) +
                           2.0 * count * stages_.part_bytes();
@@ -219,7 +220,7 @@ class Levels {
     if (solution && is_without_plan(solution->status)) {
       find_infeasible(level);
       if (answer_.infeasible.empty() && level.scenarios > 1) {
-        options.feasibility_budget = settings_.options.feasibility_budget;
+        options.max_feasibility_factorizations = settings_.options.max_feasibility_factorizations;
         solution = solve_from(*solver, options, start ? &*start : nullptr, level);
       }
     }
@@ -242,12 +243,12 @@ class Levels {
     controls.progress = progress_.sink();
     auto solution = solve_and_count(solver, controls, level);
     if (!solution) return solution;
-    const bool stayed_warm = start != nullptr && std::isinf(solution->cold_objective);
+    const bool stayed_warm = start != nullptr && std::isinf(solution->reference_objective);
     level.warm = stayed_warm && solution->factorizations <= tuning::warm_small_change;
-    const bool goes_on = level.scenarios < most_ || options.starts > 1;
+    const bool goes_on = level.scenarios < most_ || options.num_starts > 1;
     if (!is_solved(solution->status) || !stayed_warm || level.warm || !goes_on) return solution;
     level.searched = true;
-    options.local_search_budget = 0;
+    options.max_local_search_factorizations = 0;
     if (auto set = solver.set_options(options); !set) return unexpected(set.error());
     controls.warm_start = nullptr;
     auto other = solve_and_count(solver, controls, level);
@@ -278,7 +279,7 @@ class Levels {
     }
     const std::int64_t first = answer_.scenarios;
     const std::vector<Status> alone =
-        solve_alone(stages_, worlds(first, level.scenarios),
+        solve_alone(stages_, scenarios(first, level.scenarios),
                     {settings_.options, until_, controls_.stop, controls_.runner, batch_bytes_});
     for (std::size_t s = 0; s < alone.size(); ++s)
       if (is_without_plan(alone[s])) answer_.infeasible.push_back(first + static_cast<std::int64_t>(s));
@@ -291,16 +292,16 @@ class Levels {
     std::vector<const Solution*> parts;
     for (const Solution& part : parts_) parts.push_back(&part);
     for (std::int64_t s = answer_.scenarios; s < count; ++s) {
-      const auto fresh = static_cast<std::size_t>(s - answer_.scenarios);
-      const bool found = fresh < fresh_.size() && fresh_[fresh].found();
-      parts.push_back(found ? &fresh_[fresh].solution
-                            : nearest_part(worlds_[static_cast<std::size_t>(s)], checkpoint));
+      const auto at = static_cast<std::size_t>(s - answer_.scenarios);
+      const bool found = at < recourse_.size() && recourse_[at].found();
+      parts.push_back(found ? &recourse_[at].solution
+                            : nearest_part(scenarios_[static_cast<std::size_t>(s)], checkpoint));
     }
     return lifted(stages_, solution_, parts, weights_);
   }
 
-  [[nodiscard]] const Solution* nearest_part(const ScenarioNumbers& world, Checkpoint& checkpoint) const {
-    return &parts_[nearest(stages_, world, worlds(0, answer_.scenarios), checkpoint)];
+  [[nodiscard]] const Solution* nearest_part(const ScenarioNumbers& scenario, Checkpoint& checkpoint) const {
+    return &parts_[nearest(stages_, scenario, scenarios(0, answer_.scenarios), checkpoint)];
   }
 
   void keep(const ScenarioLevel& level, Solution solution) {
@@ -308,7 +309,7 @@ class Levels {
     solution_ = std::move(solution);
     parts_.clear();
     for (std::size_t s = 0; s < weights_.size(); ++s)
-      parts_.push_back(world_part(stages_, solution_, s, weights_[s]));
+      parts_.push_back(scenario_part(stages_, solution_, s, weights_[s]));
     answer_.status = level.status;
     answer_.scenarios = level.scenarios;
     answer_.x.assign(solution_.z.begin(), solution_.z.begin() + static_cast<std::ptrdiff_t>(plan));
@@ -317,12 +318,12 @@ class Levels {
   }
 
   // Limits the search for a recourse to the neighbourhood of its start.
-  [[nodiscard]] BatchControls recourse_controls(std::size_t fresh) const {
+  [[nodiscard]] BatchControls recourse_controls(std::size_t count) const {
     BatchControls result{settings_.options, until_, controls_.stop, controls_.runner,
-                         bytes_left(bytes_held() + static_cast<double>(fresh) * stages_.part_bytes())};
-    result.options.starts = 1;
-    result.options.global = false;
-    result.options.local_search_budget = result.options.feasibility_budget = 0;
+                         bytes_left(bytes_held() + static_cast<double>(count) * stages_.part_bytes())};
+    result.options.num_starts = 1;
+    result.options.global_search = false;
+    result.options.max_local_search_factorizations = result.options.max_feasibility_factorizations = 0;
     result.options.max_iterations =
         std::min(result.options.max_iterations, tuning::scenario_recourse_iterations);
     return result;
@@ -331,41 +332,41 @@ class Levels {
   // and a place among the starts. The solver of one scenario needs the rest; if it does not fit, its batch
   // reports it.
   [[nodiscard]] std::int64_t fresh_that_fit() const {
-    const double each = worlds_bytes_ / static_cast<double>(worlds_.size()) + stages_.part_bytes() +
+    const double each = scenarios_bytes_ / static_cast<double>(scenarios_.size()) + stages_.part_bytes() +
                         sizeof(Recourse) + sizeof(const Solution*);
-    const double drawn = static_cast<double>(worlds_.size()) - static_cast<double>(answer_.scenarios);
+    const double drawn = static_cast<double>(scenarios_.size()) - static_cast<double>(answer_.scenarios);
     const double room = std::max(0.0, most_bytes() - bytes_held()) / each + drawn;
     return static_cast<std::int64_t>(std::min(room, static_cast<double>(std::numeric_limits<Index>::max())));
   }
 
   Expected<void> try_fresh(ScenarioLevel& level, std::int64_t next) {
-    fresh_.clear();
-    if (settings_.fresh_scenarios == 0 && level.scenarios == most_) return {};
+    recourse_.clear();
+    if (settings_.out_of_sample_scenarios == 0 && level.scenarios == most_) return {};
     const bool next_fits = bytes_of_level(next) <= most_bytes();
-    const std::int64_t wanted = level.scenarios + settings_.fresh_scenarios;
+    const std::int64_t wanted = level.scenarios + settings_.out_of_sample_scenarios;
     const std::int64_t last = std::min({problem_.scenarios, next_fits ? std::max(wanted, next) : wanted,
                                         level.scenarios + fresh_that_fit()});
-    if (auto drawn = draw(last); !drawn) return drawn;
+    if (auto valid = draw(last); !valid) return valid;
     if (interrupted()) return {};
-    const auto fresh = worlds(level.scenarios, std::max(level.scenarios, last));
-    if (fresh.empty()) return {};
+    const auto drawn = scenarios(level.scenarios, std::max(level.scenarios, last));
+    if (drawn.empty()) return {};
     const auto begun = Clock::now();
     std::vector<const Solution*> starts;
     Checkpoint checkpoint(interrupt_);
-    for (const ScenarioNumbers& world : fresh) starts.push_back(nearest_part(world, checkpoint));
-    fresh_ = solve_recourse(stages_, answer_.x, fresh, starts, recourse_controls(fresh.size()));
-    for (const Recourse& recourse : fresh_) count(recourse.solution);
-    const bool all = std::ranges::none_of(fresh_, [](const Recourse& recourse) {
+    for (const ScenarioNumbers& scenario : drawn) starts.push_back(nearest_part(scenario, checkpoint));
+    recourse_ = solve_recourse(stages_, answer_.x, drawn, starts, recourse_controls(drawn.size()));
+    for (const Recourse& recourse : recourse_) count(recourse.solution);
+    const bool all = std::ranges::none_of(recourse_, [](const Recourse& recourse) {
       return recourse.status == Status::time_limit || recourse.status == Status::cancelled;
     });
     if (all) {
-      level.fresh = judged(fresh, fresh_);
-      level.fresh->seconds = seconds_since(begun);
+      level.out_of_sample = judged(drawn, recourse_);
+      level.out_of_sample->seconds = seconds_since(begun);
     }
     return {};
   }
 
-  void tell(ScenarioLevel& level) {
+  void report(ScenarioLevel& level) {
     level.x = answer_.x;
     if (settings_.level) settings_.level(level);
     level.x = {};
@@ -375,19 +376,19 @@ class Levels {
   [[nodiscard]] std::optional<ScenarioEnd> end_of(const ScenarioLevel& level) const {
     if (controls_.stop.stop_requested()) return ScenarioEnd::cancelled;
     if (Clock::now() >= until_) return ScenarioEnd::time_limit;
-    if (settings_.tolerance == 0.0 || level.scenarios < settings_.least_scenarios || !level.fresh)
+    if (settings_.tolerance == 0.0 || level.scenarios < settings_.min_sample_size || !level.out_of_sample)
       return std::nullopt;
-    const OutOfSample& fresh = *level.fresh;
-    const bool served = static_cast<double>(fresh.without_recourse) <=
-                        settings_.without_recourse * static_cast<double>(fresh.scenarios);
-    if (served && fresh.half_width <= settings_.tolerance * std::abs(fresh.mean))
+    const OutOfSample& out_of_sample = *level.out_of_sample;
+    const bool served = static_cast<double>(out_of_sample.without_recourse) <=
+                        settings_.without_recourse * static_cast<double>(out_of_sample.scenarios);
+    if (served && out_of_sample.half_width <= settings_.tolerance * std::abs(out_of_sample.mean))
       return ScenarioEnd::interval;
     return std::nullopt;
   }
 
   Expected<ScenarioAnswer> end_unsolved(ScenarioLevel& level, const Solution& solution) {
     answer_.status = solution.status;
-    tell(level);
+    report(level);
     if (solution.status == Status::cancelled) return end(ScenarioEnd::cancelled, solution.detail);
     if (solution.status == Status::time_limit) return end(ScenarioEnd::time_limit, solution.detail);
     std::string detail = solution.detail;
@@ -408,7 +409,8 @@ class Levels {
     solution.iterations = total_.iterations;
     solution.factorizations = total_.factorizations;
     solution.times = total_.times;
-    if (!std::isfinite(solution.cold_objective)) solution.cold_objective = solution.objective;  // as lifted
+    if (!std::isfinite(solution.reference_objective))
+      solution.reference_objective = solution.objective;  // as lifted
     return std::move(answer_);
   }
 
@@ -422,13 +424,13 @@ class Levels {
   std::int64_t most_;
   LevelProgress progress_;
   Solution total_;  // only iterations, factorizations and times
-  std::vector<ScenarioNumbers> worlds_;
-  double worlds_bytes_ = 0.0;
-  std::vector<double> weights_;   // of the level
-  Solution solution_;             // of the newest solved level
-  std::vector<Solution> parts_;   // of solution_, by scenario
-  std::vector<Recourse> fresh_;   // of the scenarios after that level
-  std::int64_t batch_bytes_ = 0;  // memory for a solver of one scenario beside the level's solver
+  std::vector<ScenarioNumbers> scenarios_;
+  double scenarios_bytes_ = 0.0;
+  std::vector<double> weights_;     // of the level
+  Solution solution_;               // of the newest solved level
+  std::vector<Solution> parts_;     // of solution_, by scenario
+  std::vector<Recourse> recourse_;  // of the scenarios after that level
+  std::int64_t batch_bytes_ = 0;    // memory for a solver of one scenario beside the level's solver
   ScenarioAnswer answer_;
 };
 
@@ -472,10 +474,10 @@ Expected<void> check_first_level(const ScenarioProblem& problem, const ScenarioS
   if (!stages) return unexpected(stages.error());
   const auto first = problem.sample(0);
   if (!first) return unexpected(first.error());
-  const auto count = static_cast<double>(std::min(settings.first_scenarios, problem.scenarios));
+  const auto count = static_cast<double>(std::min(settings.initial_sample_size, problem.scenarios));
   const double bytes = level_bytes(*stages, count, bytes_of(*first), settings.options);
   if (bytes <= static_cast<double>(most_bytes)) return {};
-  return unexpected(of_field("settings.first_scenarios", too_large(count, bytes, most_bytes)));
+  return unexpected(of_field("settings.initial_sample_size", too_large(count, bytes, most_bytes)));
 }
 
 Expected<OwnedProblem> assemble_scenarios(const ScenarioProblem& problem, std::int64_t scenarios) {
@@ -484,15 +486,15 @@ Expected<OwnedProblem> assemble_scenarios(const ScenarioProblem& problem, std::i
   if (scenarios < 1 || scenarios > problem.scenarios)
     return unexpected(
         invalid("scenarios", std::to_string(scenarios), "must be >= 1, and no more than there are"));
-  std::vector<ScenarioNumbers> worlds;
+  std::vector<ScenarioNumbers> drawn;
   for (std::int64_t i = 0; i < scenarios; ++i) {
-    auto world = problem.sample(i);
-    if (!world) return unexpected(world.error());
-    if (auto valid = stages->check(*world); !valid)
+    auto scenario = problem.sample(i);
+    if (!scenario) return unexpected(scenario.error());
+    if (auto valid = stages->check(*scenario); !valid)
       return unexpected(inside("scenario[" + std::to_string(i) + "]", valid.error()));
-    worlds.push_back(*std::move(world));
+    drawn.push_back(*std::move(scenario));
   }
-  return stages->assemble(worlds, normalized_weights(worlds));
+  return stages->assemble(drawn, normalized_weights(drawn));
 }
 
 }  // namespace marble

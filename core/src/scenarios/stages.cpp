@@ -312,10 +312,10 @@ double Stages::part_bytes() const {
   return static_cast<double>(sizeof(Solution) + numbers * sizeof(double));
 }
 
-Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> worlds,
+Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> scenarios,
                                         std::span<const double> weights, const Interrupt& interrupt) const {
   const ProblemView& view = base_.view();
-  const std::size_t count = worlds.size();
+  const std::size_t count = scenarios.size();
   const std::size_t plan = variables.first.size();
   const std::size_t own = variables.second.size();
   OwnedProblem result;
@@ -331,10 +331,10 @@ Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> worlds,
   };
   const std::size_t base_entries = view.Q.values.size();
   for (std::size_t s = 0; s < count && !stops_after(plan + own); ++s) {
-    const auto g = given_or(worlds[s].g, view.g);
+    const auto g = given_or(scenarios[s].g, view.g);
     for (std::size_t i = 0; i < plan; ++i) result.g[i] += weights[s] * at(g, variables.first[i]);
     for (const Index j : variables.second) result.g.push_back(weights[s] * at(g, j));
-    result.c0 += weights[s] * worlds[s].c0.value_or(view.c0);
+    result.c0 += weights[s] * scenarios[s].c0.value_or(view.c0);
   }
   const auto fits = [&](std::size_t size) {
     too_many = too_many || size > static_cast<std::size_t>(std::numeric_limits<Index>::max());
@@ -348,7 +348,7 @@ Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> worlds,
     SparseMatrix& Q = result.Q = begin_matrix(result.g.size(), result.g.size(), size_of(Q_));
     std::vector<double> mean(base_entries, 0.0);
     for (std::size_t s = 0; s < count && !stops_after(entries(Q_.first)); ++s) {
-      const auto values = given_or(worlds[s].Q, view.Q.values);
+      const auto values = given_or(scenarios[s].Q, view.Q.values);
       for (const Index position : Q_.first.positions)
         mean[static_cast<std::size_t>(position)] += weights[s] * at(values, position);
     }
@@ -357,7 +357,7 @@ Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> worlds,
       end_column(Q);
     }
     for (std::size_t s = 0; s < count && !stops_after(own + base_entries); ++s) {
-      const auto values = given_or(worlds[s].Q, view.Q.values);
+      const auto values = given_or(scenarios[s].Q, view.Q.values);
       for (std::size_t j = 0; j < own; ++j) {
         append_column(Q_.linking, j, 0, values, weights[s], Q);
         append_column(Q_.recourse, j, static_cast<Index>(plan + s * own), values, weights[s], Q);
@@ -373,7 +373,9 @@ Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> worlds,
     const auto first_row = [&](std::size_t s) {
       return static_cast<Index>(part.rows.first.size() + s * part.rows.second.size());
     };
-    const auto values = [&](std::size_t s) { return given_or(worlds[s].*part.values, part.matrix.values); };
+    const auto values = [&](std::size_t s) {
+      return given_or(scenarios[s].*part.values, part.matrix.values);
+    };
     for (std::size_t j = 0; j < plan && !stopped; ++j) {
       append_column(part.stages.first, j, 0, part.matrix.values, 1.0, matrix);
       const auto linked =
@@ -390,7 +392,7 @@ Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> worlds,
     std::vector<double>& offset = result.*part.offset_into = gather(part.offset, part.rows.first);
     offset.reserve(rows);
     for (std::size_t s = 0; s < count && !stops_after(part.rows.second.size()); ++s) {
-      const auto given = given_or(worlds[s].*part.offsets, part.offset);
+      const auto given = given_or(scenarios[s].*part.offsets, part.offset);
       for (const Index row : part.rows.second) offset.push_back(at(given, row));
     }
   });
@@ -404,7 +406,7 @@ Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> worlds,
   return result;
 }
 
-OwnedProblem Stages::recourse(const ScenarioNumbers& world, std::span<const double> x) const {
+OwnedProblem Stages::recourse(const ScenarioNumbers& scenario, std::span<const double> x) const {
   const ProblemView& view = base_.view();
   OwnedProblem result;
   result.hessian_form = HessianForm::upper_triangle;
@@ -417,11 +419,11 @@ OwnedProblem Stages::recourse(const ScenarioNumbers& world, std::span<const doub
     }
     return matrix;
   };
-  const auto g = given_or(world.g, view.g);
-  const auto Q = given_or(world.Q, view.Q.values);
+  const auto g = given_or(scenario.g, view.g);
+  const auto Q = given_or(scenario.Q, view.Q.values);
   result.Q = block_matrix(Q_.recourse, own, Q);
   result.g = gather(g, variables.second);
-  result.c0 = world.c0.value_or(view.c0);
+  result.c0 = scenario.c0.value_or(view.c0);
   for (std::size_t i = 0; i < x.size(); ++i) result.c0 += at(g, variables.first[i]) * x[i];
   for (std::size_t j = 0; j < x.size(); ++j)
     for (Index k = Q_.first.pointers[j]; k < Q_.first.pointers[j + 1]; ++k) {
@@ -435,30 +437,30 @@ OwnedProblem Stages::recourse(const ScenarioNumbers& world, std::span<const doub
       result.g[j] += at(Q, Q_.linking.positions[entry]) * x[static_cast<std::size_t>(Q_.linking.rows[entry])];
     }
   each_part([&](const Part& part) {
-    const auto values = given_or(world.*part.values, part.matrix.values);
+    const auto values = given_or(scenario.*part.values, part.matrix.values);
     result.*part.into = block_matrix(part.stages.recourse, part.rows.second.size(), values);
     std::vector<double>& offset = result.*part.offset_into =
-                                      gather(given_or(world.*part.offsets, part.offset), part.rows.second);
+                                      gather(given_or(scenario.*part.offsets, part.offset), part.rows.second);
     add_product(part.stages.linking, values, x, offset);
   });
   return result;
 }
 
-OwnedProblem Stages::alone(const ScenarioNumbers& world) const {
+OwnedProblem Stages::alone(const ScenarioNumbers& scenario) const {
   const ProblemView& view = base_.view();
   const auto owned = [](std::span<const double> values) {
     return std::vector<double>(values.begin(), values.end());
   };
   OwnedProblem result;
   result.hessian_form = view.hessian_form;
-  result.c0 = world.c0.value_or(view.c0);
-#define MARBLE_VECTOR(letter, field) result.letter = owned(given_or(world.letter, view.letter));
+  result.c0 = scenario.c0.value_or(view.c0);
+#define MARBLE_VECTOR(letter, field) result.letter = owned(given_or(scenario.letter, view.letter));
 #define MARBLE_MATRIX(letter, field, update, vector)                                         \
   result.letter = {view.letter.rows,                                                         \
                    view.letter.columns,                                                      \
                    {view.letter.column_pointers.begin(), view.letter.column_pointers.end()}, \
                    {view.letter.row_indices.begin(), view.letter.row_indices.end()},         \
-                   owned(given_or(world.letter, view.letter.values))};
+                   owned(given_or(scenario.letter, view.letter.values))};
 #include "marble/contract.def"
   return result;
 }

@@ -10,7 +10,6 @@
 
 #include "data/interrupt.h"
 #include "marble/composite/scenarios.h"
-#include "marble/composite/worlds.h"
 #include "solver_bytes.h"
 
 namespace marble {
@@ -21,8 +20,8 @@ struct Split {
   std::vector<Index> place;          ///< number of each entry within its stage
   std::vector<char> is_second;
 
-  [[nodiscard]] std::size_t assembled(std::size_t worlds) const {
-    return first.size() + worlds * second.size();
+  [[nodiscard]] std::size_t assembled(std::size_t scenarios) const {
+    return first.size() + scenarios * second.size();
   }
 };
 
@@ -50,7 +49,7 @@ class Stages {
 
   /// Assembles the LCQP of these scenarios with weights that sum to one. Fails if 32 bits cannot count its
   /// entries, and with cancelled or deadline_exceeded if interrupted.
-  [[nodiscard]] Expected<OwnedProblem> assemble(std::span<const ScenarioNumbers> worlds,
+  [[nodiscard]] Expected<OwnedProblem> assemble(std::span<const ScenarioNumbers> scenarios,
                                                 std::span<const double> weights,
                                                 const Interrupt& interrupt = {}) const;
 
@@ -65,10 +64,10 @@ class Stages {
 
   /// Returns the LCQP in y of one scenario for a plan. All scenarios give the same pattern with other
   /// numbers.
-  [[nodiscard]] OwnedProblem recourse(const ScenarioNumbers& world, std::span<const double> x) const;
+  [[nodiscard]] OwnedProblem recourse(const ScenarioNumbers& scenario, std::span<const double> x) const;
 
   /// Returns the LCQP of one scenario alone, in the form of the base.
-  [[nodiscard]] OwnedProblem alone(const ScenarioNumbers& world) const;
+  [[nodiscard]] OwnedProblem alone(const ScenarioNumbers& scenario) const;
 
   [[nodiscard]] const Problem& base() const { return base_; }
 

@@ -61,9 +61,9 @@ BranchSearch::BranchSearch(const ScaledProblem& problem, Kkt& kkt, const Options
 bool BranchSearch::improve(Run& run, ConstVectorRef initial_z) {
   const Run::Polishing polishing(run);
   const Run::Searching searching(run);
-  const int last = run.factorizations + options_.local_search_budget;
+  const int last = run.factorizations + options_.max_local_search_factorizations;
   const int pull = pulling(incumbent_);
-  if (pull == 0 || options_.local_search_budget == 0 || run.interrupted()) return false;
+  if (pull == 0 || options_.max_local_search_factorizations == 0 || run.interrupted()) return false;
   const double before = incumbent_.best().objective;
   const bool soft = pull >= tuning::many_pulling && options_.path == Path::fast;
   if (soft) from_soft_start(run, initial_z, last);
@@ -83,7 +83,8 @@ bool BranchSearch::find(Run& run, ConstVectorRef initial_z, Stage& stage) {
     if (found && pulling(incumbent_) < tuning::many_pulling_after_interior) return false;
   }
   stage = Stage::beginning;
-  from_soft_start(run, initial_z, run.factorizations + options_.local_search_budget, resumes_soft);
+  from_soft_start(run, initial_z, run.factorizations + options_.max_local_search_factorizations,
+                  resumes_soft);
   if (!incumbent_.exists() && run.interrupted()) stage = Stage::soft_search;
   return true;
 }
@@ -91,7 +92,7 @@ bool BranchSearch::find(Run& run, ConstVectorRef initial_z, Stage& stage) {
 bool BranchSearch::from_interior(Run& run, ConstVectorRef initial_z, Stage& stage) {
   const Stage from = std::exchange(stage, Stage::beginning);
   if (problem_.pairs() == 0) return false;
-  SearchPlan plan = from_interior_point(options_.local_search_budget > 0);
+  SearchPlan plan = from_interior_point(options_.max_local_search_factorizations > 0);
   plan.resumes = from == Stage::interior_search;
   if (!plan.resumes) {
     if (!interior_.run(run, initial_z, from == Stage::interior_point)) {
@@ -100,7 +101,7 @@ bool BranchSearch::from_interior(Run& run, ConstVectorRef initial_z, Stage& stag
     }
     point_.start_from_point(interior_.z());
   }
-  const int last = run.factorizations + 2 * tuning::engine_budget + options_.local_search_budget;
+  const int last = run.factorizations + 2 * tuning::engine_budget + options_.max_local_search_factorizations;
   const bool found = search_.run(run, plan, last) &&
                      incumbent_.solve_branch(run, "interior point, local search", tuning::engine_budget) ==
                          Incumbent::Outcome::kept;
@@ -123,17 +124,19 @@ void BranchSearch::from_soft_start(Run& run, ConstVectorRef initial_z, int last_
 // After a soft start, a second way to a branch: it ends in another basin, often a better one. It may take at
 // most as many factorizations as everything before it.
 void BranchSearch::from_penalties(Run& run, ConstVectorRef initial_z) {
-  if (homotopy_ == nullptr || run.nonconvex || run.interrupted() || options_.local_search_budget == 0) return;
+  if (homotopy_ == nullptr || run.nonconvex || run.interrupted() ||
+      options_.max_local_search_factorizations == 0)
+    return;
   const Run::Polishing polishing(run);
   const Run::Searching searching(run);
   Run part = run.part(true);
-  const int most = std::min(run.factorizations, options_.local_search_budget);
+  const int most = std::min(run.factorizations, options_.max_local_search_factorizations);
   const bool ended = homotopy_->run(part, initial_z, part.factorizations + most);
   part.iterations = run.iterations;  // steps of its QPs are not iterations of the solve and are not reported
   run.add_part(part);
   if (!ended) return;
   point_.start_from_point(homotopy_->z());
-  if (search_.run(run, from_penalty_end(), run.factorizations + options_.local_search_budget) &&
+  if (search_.run(run, from_penalty_end(), run.factorizations + options_.max_local_search_factorizations) &&
       incumbent_.solve_branch(run, "penalties, local search", tuning::engine_budget) ==
           Incumbent::Outcome::kept)
     repeat(run, 0, std::numeric_limits<int>::max());
@@ -159,9 +162,10 @@ int BranchSearch::repeat(Run& run, int first, int most_factorizations) {
 
 void BranchSearch::start_further(Run& run, const std::function<void()>& settle) {
   const PhaseScope phase(run.activity(), Phase::starts);
-  while (further_ < options_.starts && incumbent_.exists() && !run.interrupted()) {
-    run.set_done(Phase::starts, further_, options_.starts);
-    static_cast<void>(start_round(run, std::min(options_.starts - further_, tuning::further_round), settle));
+  while (further_ < options_.num_starts && incumbent_.exists() && !run.interrupted()) {
+    run.set_done(Phase::starts, further_, options_.num_starts);
+    static_cast<void>(
+        start_round(run, std::min(options_.num_starts - further_, tuning::further_round), settle));
   }
 }
 
@@ -181,11 +185,11 @@ void BranchSearch::prepare(Run& run, const Iterate& solution) {
 // A branch that stays feasible after a small change is near the best one. Otherwise feasibility is restored
 // near it. A cold start follows if that fails, or if the solution is clearly worse than that of the last cold
 // start.
-bool BranchSearch::start_from(Run& run, const Iterate& solution, double cold_objective, Stage& stage) {
+bool BranchSearch::start_from(Run& run, const Iterate& solution, double reference_objective, Stage& stage) {
   using Outcome = Incumbent::Outcome;
   const Run::Polishing polishing(run);
   const int before = run.factorizations;
-  const int last = before + tuning::engine_budget + options_.local_search_budget;
+  const int last = before + tuning::engine_budget + options_.max_local_search_factorizations;
   SearchPlan mend = near_exact(tuning::warm_patience);
   mend.resumes = std::exchange(stage, Stage::beginning) == Stage::mending;
   bool small_change = false;
@@ -196,7 +200,7 @@ bool BranchSearch::start_from(Run& run, const Iterate& solution, double cold_obj
   if (small_change) {
     const int work = run.factorizations - before;
     small_change = work <= tuning::warm_small_change;
-    const bool search = work > tuning::warm_tiny_change && options_.local_search_budget > 0;
+    const bool search = work > tuning::warm_tiny_change && options_.max_local_search_factorizations > 0;
     if (search && pulling(incumbent_) > 0 && search_.run(run, near_exact(tuning::warm_patience), last) &&
         search_.accepted() > 0)
       static_cast<void>(incumbent_.solve_branch(run, "warm start, local search", tuning::engine_budget));
@@ -204,13 +208,13 @@ bool BranchSearch::start_from(Run& run, const Iterate& solution, double cold_obj
     if (run.interrupted()) return false;
     if (!mend.resumes) point_.start_from_solution(solution);
     if (!search_.run(run, mend, last) ||
-        incumbent_.solve_branch(run, "warm start, mended", tuning::engine_budget) != Outcome::kept) {
+        incumbent_.solve_branch(run, "warm start, restored", tuning::engine_budget) != Outcome::kept) {
       if (run.interrupted()) stage = Stage::mending;
       return false;
     }
   }
   const double objective = problem_.user_objective(incumbent_.best().objective);
-  return small_change || objective <= cold_objective + tuning::alike * std::abs(cold_objective);
+  return small_change || objective <= reference_objective + tuning::alike * std::abs(reference_objective);
 }
 
 }  // namespace marble

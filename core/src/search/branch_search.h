@@ -57,13 +57,13 @@ class BranchSearch {
   /// Runs one round of further starts. Returns true if it replaced the incumbent.
   [[nodiscard]] bool start_round(Run& run, int count, const std::function<void()>& settle);
   /// Starts from the branch of a solution of this problem or of a similar one. Returns false if no feasible
-  /// branch is near, or if a cold start, which once reached `cold_objective`, should follow all the same.
-  /// `stage` as in find(): `mending` or `beginning`.
-  [[nodiscard]] bool start_from(Run& run, const Iterate& solution, double cold_objective, Stage& stage);
+  /// branch is near, or if a cold start, which once reached `reference_objective`, should follow all the
+  /// same. `stage` as in find(): `mending` or `beginning`.
+  [[nodiscard]] bool start_from(Run& run, const Iterate& solution, double reference_objective, Stage& stage);
   /// The same from the beginning, without resuming.
-  [[nodiscard]] bool start_from(Run& run, const Iterate& solution, double cold_objective) {
+  [[nodiscard]] bool start_from(Run& run, const Iterate& solution, double reference_objective) {
     Stage stage = Stage::beginning;
-    return start_from(run, solution, cold_objective, stage);
+    return start_from(run, solution, reference_objective, stage);
   }
   /// Prepares start_from() of the same solution, before the last numbers of the problem are set.
   void prepare(Run& run, const Iterate& solution);

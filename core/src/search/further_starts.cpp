@@ -24,7 +24,7 @@ FurtherStarts::FurtherStarts(const ScaledProblem& problem, const Options& option
 }
 
 double FurtherStarts::extra_bytes(const Options& options, double engine_bytes) {
-  return engine_bytes * std::max(0, std::min(options.starts - 1, tuning::further_round) - 1);
+  return engine_bytes * std::max(0, std::min(options.num_starts - 1, tuning::further_round) - 1);
 }
 
 void FurtherStarts::make(Attempt& attempt) {
@@ -32,14 +32,14 @@ void FurtherStarts::make(Attempt& attempt) {
   if (run.interrupted()) return;
   try {
     attempt.branch->point.restore(attempt.begin->x, attempt.begin->set);
-    const int last = run.factorizations + tuning::engine_budget + options_.local_search_budget;
+    const int last = run.factorizations + tuning::engine_budget + options_.max_local_search_factorizations;
     attempt.succeeded =
         attempt.search->run(run, attempt.plan, last) &&
         solve_exactly(problem_, options_, attempt.branch->exact, run, tuning::engine_budget, attempt.found);
   } catch (const std::bad_alloc&) {
     attempt.out_of_memory = true;
   }
-  whole_->set_done(Phase::starts, ++made_, options_.starts);
+  whole_->set_done(Phase::starts, ++made_, options_.num_starts);
 }
 
 // Makes an engine for every concurrent search except one, with the problem's current values. Returns false if
@@ -96,7 +96,7 @@ bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count
     if (settle) settle();
   }
   if (!better) return false;
-  reporter_.tell(run, best.x.z(), best.objective, best.violations, {.step_length = 1.0});
+  reporter_.report(run, best.x.z(), best.objective, best.violations, {.step_length = 1.0});
   return true;
 }
 

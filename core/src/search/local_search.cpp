@@ -158,8 +158,8 @@ bool LocalSearch::take(Run& run, std::span<const Index> pairs) {
 // An accepted move is an iteration of the search.
 void LocalSearch::report(Run& run) {
   const Images& images = elastic_.point().images;
-  reporter_.tell(run, elastic_.point().x.z(), images.objective, violations(problem_, images),
-                 {.rho = elastic_.rho(), .step_length = 1.0});
+  reporter_.report(run, elastic_.point().x.z(), images.objective, violations(problem_, images),
+                   {.rho = elastic_.rho(), .step_length = 1.0});
 }
 
 // Lists pairs with the largest wrong-sign multipliers whose other side is not at zero.

@@ -63,9 +63,9 @@ TreeResult Tree::explore(Run& run, ConstVectorRef z, bool known_convex, const Ro
   tried_.clear();
   clauses_.clear();
   ray_.reset();
-  nodes_ = made_ = rounds_ = warm_nodes_ = warm_closed_ = 0;
+  nodes_ = made_ = rounds_ = reused_nodes_ = warm_closed_ = 0;
   closed_bound_ = kInfinity;
-  told_bound_ = -kInfinity;
+  reported_bound_ = -kInfinity;
   std::vector<Node> leaves = kept_.replace(room.kept_bytes);
   Node root = make_root(z);
   if (root.bound >= cutoff()) {  // proved by the incumbent's multipliers, without an engine
@@ -183,7 +183,7 @@ std::optional<TreeResult::End> Tree::begin(Run& run, Node root, std::vector<Node
   }
   if (!leaves.empty()) {
     if (go_on_from(run, from_, std::move(leaves))) return std::nullopt;
-    warm_nodes_ = 0;
+    reused_nodes_ = 0;
     closed_bound_ = kInfinity;
     static_cast<void>(kept_.replace(room.kept_bytes));
   }
@@ -235,7 +235,7 @@ bool Tree::go_on_from(Run& run, ConstVectorRef from, std::vector<Node> leaves) {
   ProximalSystem* const system = engine.proximal_system(run);
   if (system == nullptr) return false;
   RowProof proof(problem_, *system);
-  warm_nodes_ = static_cast<std::int64_t>(leaves.size());
+  reused_nodes_ = static_cast<std::int64_t>(leaves.size());
   for (Node& leaf : leaves) {
     leaf.bound = -kInfinity;
     leaf.exhausted = false;
@@ -254,7 +254,7 @@ bool Tree::go_on_from(Run& run, ConstVectorRef from, std::vector<Node> leaves) {
     run.factorizations += static_cast<std::int32_t>(proof.factorizations());
     if (!engine.prepare(run)) return false;
   }
-  if (static_cast<double>(warm_closed_) < tuning::tree_still_closed * static_cast<double>(warm_nodes_))
+  if (static_cast<double>(warm_closed_) < tuning::tree_still_closed * static_cast<double>(reused_nodes_))
     return false;
   for (Node& leaf : leaves) push(std::move(leaf));
   return true;

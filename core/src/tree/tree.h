@@ -39,7 +39,7 @@ struct TreeResult {
   bool proved = false;
   double bound = -std::numeric_limits<double>::infinity();
   double gap = std::numeric_limits<double>::infinity();
-  std::int64_t nodes = 0, open_nodes = 0, warm_nodes = 0;
+  std::int64_t nodes = 0, open_nodes = 0, reused_nodes = 0;
   std::string remark;
 
   /// Sets the gap of a solution other than the tree's, and a bound that is not above its objective.
@@ -119,8 +119,8 @@ class Tree {
   std::vector<Node> open_;  // a heap: the lowest bound first
   std::vector<Expansion> expansions_;
   std::size_t chosen_ = 0;
-  double closed_bound_ = 0.0, told_bound_ = 0.0;
-  std::int64_t nodes_ = 0, made_ = 0, rounds_ = 0, warm_nodes_ = 0, warm_closed_ = 0;
+  double closed_bound_ = 0.0, reported_bound_ = 0.0;
+  std::int64_t nodes_ = 0, made_ = 0, rounds_ = 0, reused_nodes_ = 0, warm_closed_ = 0;
   Improve improve_;
   std::int64_t until_improving_ = 0, between_improving_ = 0;  // in rounds
   double most_nodes_ = 0.0;

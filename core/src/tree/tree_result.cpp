@@ -16,7 +16,7 @@ double relative_gap(double objective, double bound) {
   return std::max(0.0, objective - bound) / std::max(1.0, std::abs(objective));
 }
 
-double within(const Options& options) { return std::max(options.gap_tolerance, tuning::exactness); }
+double within(const Options& options) { return std::max(options.relative_gap_tolerance, tuning::exactness); }
 
 }  // namespace
 
@@ -65,7 +65,7 @@ TreeResult Tree::result(TreeResult::End end) const {
   result.ray = ray_;
   result.bound = bound();
   result.gap = gap(result.bound);
-  result.warm_nodes = warm_nodes_;
+  result.reused_nodes = reused_nodes_;
   result.nodes = nodes_;
   result.open_nodes = static_cast<std::int64_t>(open_.size());
   if (end == TreeResult::End::exhausted && !incumbent_.exists() && closed_bound_ == kInfinity)
@@ -82,8 +82,8 @@ TreeResult Tree::result(TreeResult::End end) const {
                   std::to_string(result.open_nodes) + " open" +
                   (box_->is_bounded() ? "" : ", for |z| <= " + scientific(radius_, 1)) + ": bound " +
                   general(result.bound, 9) + ", gap " + scientific(result.gap, 1);
-  if (warm_nodes_ > 0) {
-    result.remark += ", from " + std::to_string(warm_nodes_) + " nodes of the last tree, " +
+  if (reused_nodes_ > 0) {
+    result.remark += ", from " + std::to_string(reused_nodes_) + " nodes of the last tree, " +
                      std::to_string(warm_closed_) + " still closed";
   }
   return result;
@@ -116,26 +116,26 @@ void Tree::record(const Node& leaf) const {
 }
 
 void Tree::report(Run& run) {
-  told_bound_ = std::max(told_bound_, bound());
+  reported_bound_ = std::max(reported_bound_, bound());
   run.set_done(Phase::tree, nodes_);
-  if (run.activity() != nullptr) run.activity()->set_gap(gap(told_bound_));
+  if (run.activity() != nullptr) run.activity()->set_gap(gap(reported_bound_));
   if (incumbent_.exists()) run.add_incumbent(problem_.user_objective(incumbent_.best().objective));
   if (run.sink() == nullptr) return;
   Progress row;
   row.step_length = 1.0;
-  row.bound = told_bound_;
-  row.gap = gap(told_bound_);
+  row.bound = reported_bound_;
+  row.gap = gap(reported_bound_);
   row.nodes = nodes_;
   row.open_nodes = static_cast<std::int64_t>(open_.size());
   if (incumbent_.exists()) row.incumbent = problem_.user_objective(incumbent_.best().objective);
-  run.told_iteration = -1;
+  run.reported_iteration = -1;
   if (incumbent_.exists()) {
-    reporter_.tell(run, incumbent_.best().x.z(), incumbent_.best().objective, incumbent_.best().violations,
-                   row);
+    reporter_.report(run, incumbent_.best().x.z(), incumbent_.best().objective, incumbent_.best().violations,
+                     row);
   } else {
     point_.x.z() = center_.z;
     point_.images.evaluate(problem_, point_.x);
-    reporter_.tell(run, center_.z, point_.images.objective, violations(problem_, point_.images), row);
+    reporter_.report(run, center_.z, point_.images.objective, violations(problem_, point_.images), row);
   }
 }
 

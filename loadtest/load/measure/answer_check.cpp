@@ -19,7 +19,7 @@ constexpr double kStationarity = 1e-4;
 constexpr double kObjective = 1e-8;  // allows two ways to sum the same terms
 constexpr double kRounding = 1e-9;   // beyond a tolerance: allows two ways to compute a violation
 
-std::string told(const char* what, double value, double most) {
+std::string reported(const char* what, double value, double most) {
   std::ostringstream text;
   text << what << " " << value << ", more than " << most;
   return text.str();
@@ -43,20 +43,22 @@ std::optional<std::string> fault_of(const OwnedProblem& problem, const Options& 
   const testing::Verdict verdict = testing::judge(problem.view(), answer);
   const double objective_error = std::abs(verdict.objective - answer.objective);
   const double objective_most = kObjective * (1.0 + std::abs(verdict.objective));
-  if (!(objective_error <= objective_most)) return told("objective off by", objective_error, objective_most);
+  if (!(objective_error <= objective_most))
+    return reported("objective off by", objective_error, objective_most);
   if (!is_solved(answer.status)) return std::nullopt;
   const double accuracy = answer.status == Status::solved ? 1.0 : kReducedAccuracy;
   const auto beyond = [&](double value, double tolerance) {
     return !(value <= accuracy * tolerance + kRounding);
   };
   if (beyond(verdict.equality, options.equality_tolerance))
-    return told("equality violated by", verdict.equality, options.equality_tolerance);
+    return reported("equality violated by", verdict.equality, options.equality_tolerance);
   if (beyond(verdict.inequality, options.inequality_tolerance))
-    return told("inequality violated by", verdict.inequality, options.inequality_tolerance);
+    return reported("inequality violated by", verdict.inequality, options.inequality_tolerance);
   if (beyond(verdict.complementarity, options.complementarity_tolerance))
-    return told("complementarity violated by", verdict.complementarity, options.complementarity_tolerance);
+    return reported("complementarity violated by", verdict.complementarity,
+                    options.complementarity_tolerance);
   if (!(verdict.stationarity <= kStationarity * accuracy))
-    return told("not stationary by", verdict.stationarity, kStationarity);
+    return reported("not stationary by", verdict.stationarity, kStationarity);
   return std::nullopt;
 }
 

@@ -4,7 +4,7 @@ namespace marble::load {
 
 Expected<OverloadResult> overload(const RunParts& parts, const Plan& plan, const std::vector<double>& levels,
                                   int workers, const std::stop_token& stop,
-                                  const std::function<void(const OverloadStep&)>& told) {
+                                  const std::function<void(const OverloadStep&)>& reported) {
   OverloadResult result;
   Plan closed = plan;
   closed.loop = Loop::closed;
@@ -20,7 +20,7 @@ Expected<OverloadResult> overload(const RunParts& parts, const Plan& plan, const
     auto measured = run(parts, one, stop);
     if (!measured) return unexpected(measured.error());
     result.steps.push_back({level, result.capacity_per_s, std::move(*measured)});
-    if (told) told(result.steps.back());
+    if (reported) reported(result.steps.back());
   }
   return result;
 }

@@ -13,6 +13,6 @@ namespace marble::load {
 [[nodiscard]] Expected<OverloadResult> overload(const RunParts& parts, const Plan& plan,
                                                 const std::vector<double>& levels, int workers,
                                                 const std::stop_token& stop,
-                                                const std::function<void(const OverloadStep&)>& told);
+                                                const std::function<void(const OverloadStep&)>& reported);
 
 }  // namespace marble::load

@@ -59,7 +59,7 @@ std::string why_not(const RunResult& result, const RampPlan& plan) {
 }
 
 Expected<RampResult> ramp(const RunParts& parts, const Plan& plan, const RampPlan& limits,
-                          const std::stop_token& stop, const std::function<void(const RampStep&)>& told) {
+                          const std::stop_token& stop, const std::function<void(const RampStep&)>& reported) {
   RampResult result;
   double holds = 0.0, fails = 0.0, rate = limits.first_rate_per_s;
   for (int step = 0; step < limits.most_steps; ++step) {
@@ -71,7 +71,7 @@ Expected<RampResult> ramp(const RunParts& parts, const Plan& plan, const RampPla
     RampStep done{rate, false, why_not(*measured, limits), std::move(*measured)};
     done.holds = done.why_not.empty();
     (done.holds ? holds : fails) = rate;
-    if (told) told(done);
+    if (reported) reported(done);
     result.steps.push_back(std::move(done));
     if (holds > 0.0 && fails > 0.0) {
       if (fails <= holds * (1.0 + limits.precision)) break;

@@ -22,6 +22,6 @@ struct RampPlan {
 /// Doubles the rate until a run fails, or halves it until one succeeds; then bisects. A stop ends it early.
 [[nodiscard]] Expected<RampResult> ramp(const RunParts& parts, const Plan& plan, const RampPlan& ramp,
                                         const std::stop_token& stop,
-                                        const std::function<void(const RampStep&)>& told);
+                                        const std::function<void(const RampStep&)>& reported);
 
 }  // namespace marble::load

@@ -81,7 +81,7 @@ class Log {
     result_.answers_while_measured += news.ended_answers;
     result_.errors_while_measured += news.ended_errors;
     result_.seconds.push_back(second);
-    if (parts_.told) parts_.told(second);
+    if (parts_.reported) parts_.reported(second);
   }
 
   const RunParts& parts_;

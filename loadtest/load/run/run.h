@@ -15,7 +15,7 @@ struct RunParts {
   const Target& target;
   const Client& server;  ///< on a separate connection, for the server's counters
   const std::vector<LoadedEntry>& entries;
-  std::function<void(const Second&)> told;  ///< called after every second; may be empty
+  std::function<void(const Second&)> reported;  ///< called after every second; may be empty
 };
 
 /// Errors are those of a run that did not start: the server is unreachable, a session was refused. Failed

@@ -15,7 +15,7 @@ std::vector<Finding>& findings() {
 
 }  // namespace
 
-void tell(Finding finding) {
+void report(Finding finding) {
   std::printf("%-72s %8.4f  %s %-7g %s\n    %s\n", finding.name.c_str(), finding.value,
               finding.at_most ? "<=" : ">=", finding.limit, finding.holds() ? "holds" : "MISSED",
               finding.detail.c_str());

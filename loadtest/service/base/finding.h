@@ -17,7 +17,7 @@ struct Finding {
 };
 
 /// Prints the finding, and keeps it for write_findings().
-void tell(Finding finding);
+void report(Finding finding);
 
 /// Writes all findings so far as a JSON array, {name, value, limit, at_most, holds, detail} each. Returns
 /// false if the file cannot be written.

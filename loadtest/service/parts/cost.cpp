@@ -108,7 +108,7 @@ void compare(const testing::ServerProcess& with, const testing::ServerProcess& w
   }
   std::printf(
       "hopper, %d steps: n = %zu, n_c = %zu; %d clients on one connection; %d blocks of %lld ms on each "
-      "server in turn; %d scrapes, %d events told to a watcher, %zu KiB to a page\n",
+      "server in turn; %d scrapes, %d events reported to a watcher, %zu KiB to a page\n",
       steps, problem.g.size(), problem.l.size(), kClients, kRounds, static_cast<long long>(kBlock.count()),
       scrapes, events, page_bytes >> 10);
   std::printf("%-32s %10s %10s %10s\n", "", "p25", "median", "p75");
@@ -120,8 +120,8 @@ void compare(const testing::ServerProcess& with, const testing::ServerProcess& w
   print("on / off", ratios(on.cpu_ms, off.cpu_ms), "%10.4f ");
   const double ratio = median(ratios(on.solves_per_s, off.solves_per_s));
   const double cpu_ratio = median(ratios(on.cpu_ms, off.cpu_ms));
-  tell({"hopper of " + std::to_string(steps) + " steps: solves a second with everything on over all off",
-        ratio, kAim, false, "for " + std::to_string(cpu_ratio) + " of the CPU time"});
+  report({"hopper of " + std::to_string(steps) + " steps: solves a second with everything on over all off",
+          ratio, kAim, false, "for " + std::to_string(cpu_ratio) + " of the CPU time"});
 }
 
 }  // namespace

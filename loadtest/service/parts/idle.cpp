@@ -63,7 +63,7 @@ void idle() {
 
   std::printf("%d sessions of a hopper of %d steps: n = %zu, n_c = %zu\n", kSessions, kSteps, small.g.size(),
               small.l.size());
-  std::printf("told memory      %8.1f KiB a session\n",
+  std::printf("reported memory      %8.1f KiB a session\n",
               static_cast<double>(sessions.front()->ready().memory_bytes()) / 1024.0);
   std::printf("resident, opened %8.1f KiB a session\n", (open - before) / kSessions);
   std::printf("resident, used   %8.1f KiB a session, after one solve each\n", (used - before) / kSessions);

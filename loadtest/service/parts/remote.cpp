@@ -50,11 +50,11 @@ void hopper(const testing::ServerProcess& server) {
     must(local.update(update).has_value(), "an update here");
     must(is_solved(local.solve()->status), "a solve here");
   };
-  double told_ms = 0.0;
+  double reported_ms = 0.0;
   const auto there = [&] {
     const auto answer = session.solve(update, {.cold = true});
     must(answer && is_solved(answer->status), "a solve there");
-    told_ms = 1e3 * answer->times.solve_s;
+    reported_ms = 1e3 * answer->times.solve_s;
   };
   here();
   there();
@@ -62,15 +62,15 @@ void hopper(const testing::ServerProcess& server) {
   for (int round = 0; round < kHopperRounds; ++round) {
     local_ms.push_back(timed_ms(here));
     remote_ms.push_back(timed_ms(there));
-    server_ms.push_back(told_ms);
+    server_ms.push_back(reported_ms);
   }
   std::printf(
       "hopper, 60 steps, cold, %d rounds: local %.2f ms, session %.2f ms, of which the server solves %.2f "
       "ms\n",
       kHopperRounds, median(local_ms), median(remote_ms), median(server_ms));
-  tell({"hopper, session, one client: median latency over local solve", median(remote_ms) / median(local_ms),
-        kHopperLimit, true,
-        figures("medians: session %.3f ms, local %.3f ms", median(remote_ms), median(local_ms))});
+  report({"hopper, session, one client: median latency over local solve",
+          median(remote_ms) / median(local_ms), kHopperLimit, true,
+          figures("medians: session %.3f ms, local %.3f ms", median(remote_ms), median(local_ms))});
 }
 
 // One way to send requests, over one kind of socket.
@@ -118,9 +118,9 @@ void tiny(const testing::ServerProcess& server, std::size_t address, const EchoS
   std::printf("\n");
   const auto overhead = [&](const Way& way, const Way& local_way) {
     const double ms = median(way.ms) - median(local_way.ms);
-    tell({std::string("jr1, ") + way.name + " over " + socket + ": overhead over a bare echo's latency",
-          ms / median(bare.ms), kTinyLimit, true,
-          figures("overhead %.1f us, echo %.1f us", 1e3 * ms, 1e3 * median(bare.ms))});
+    report({std::string("jr1, ") + way.name + " over " + socket + ": overhead over a bare echo's latency",
+            ms / median(bare.ms), kTinyLimit, true,
+            figures("overhead %.1f us, echo %.1f us", 1e3 * ms, 1e3 * median(bare.ms))});
   };
   overhead(in_session, here_again);
   overhead(unary, here);

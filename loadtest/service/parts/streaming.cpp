@@ -80,8 +80,8 @@ void compare(const testing::ServerProcess& server, const char* name, const Optio
     char detail[200];
     std::snprintf(detail, sizeof detail, "medians of %d in turns; server CPU a solve over unary %.4f",
                   kRounds, median(ratios(asked.cpu_ms, alone.cpu_ms)));
-    tell({std::string("hopper, ") + name + ", every iteration to " + reader + ": solve time over unary",
-          median(ratios(asked.solve_ms, alone.solve_ms)), kLimit, true, detail});
+    report({std::string("hopper, ") + name + ", every iteration to " + reader + ": solve time over unary",
+            median(ratios(asked.solve_ms, alone.solve_ms)), kLimit, true, detail});
   };
   finding("a reader", read);
   finding("a stalled reader", stalled);

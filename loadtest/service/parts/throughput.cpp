@@ -44,9 +44,10 @@ void throughput() {
         1e3 * median(own_cpu), 1e3 * median(local_cpu));
     const std::string name = "hopper of " + std::to_string(steps) + " steps, two workers, four clients: ";
     const std::string detail = "medians of " + std::to_string(kRounds) + " pairs of blocks in turns";
-    tell(
+    report(
         {name + "solves a second over two threads here", median(ratios(remote, local)), 0.95, false, detail});
-    tell({name + "server CPU a solve over here", median(ratios(server_cpu, local_cpu)), 1.05, true, detail});
+    report(
+        {name + "server CPU a solve over here", median(ratios(server_cpu, local_cpu)), 1.05, true, detail});
   }
   std::printf("\n");
 }

@@ -173,7 +173,7 @@ void proofs(const Settings& settings) {
     print(name, tally);
   };
   Options global;
-  global.global = true;
+  global.global_search = true;
   global.time_limit_s = settings.time_limit_s;
   if (wanted("macmpec")) {
     for (const auto& file : problem_files(settings.benchmarks / "macmpec"))
@@ -203,7 +203,7 @@ void proofs(const Settings& settings) {
     for (const testing::IntegerFamily kind : testing::kIntegerFamilies) {
       for (const bool in_tree : {false, true}) {
         Options options;
-        options.global = in_tree;
+        options.global_search = in_tree;
         family(std::string(testing::name(kind)) + (in_tree ? ", global" : ""), options, [&](auto&& take) {
           for (int i = 0; i < settings.seeds; ++i) take(testing::integer_problem(kind, seed_of(i)));
         });

@@ -24,7 +24,7 @@ double tolerance(double objective) { return 1e-6 * std::max(1.0, std::abs(object
 
 void count(const OwnedProblem& p, const std::optional<testing::GlobalOptimum>& truth, bool global, Tally& t) {
   Options options;
-  options.global = global;
+  options.global_search = global;
   const Solution s = solve_in_process(p.view(), options).value();
   t.factorizations.push_back(s.factorizations);
   const bool feasible = !is_solved(s.status) || testing::judge(p.view(), s).infeasibility() <= 1e-6;
@@ -54,9 +54,9 @@ void integers(const Settings& settings) {
     for (const bool global : {false, true}) {
       const Tally& t = tallies[global];
       std::printf("%-12s %-7s %8d %8d %8d %8d %12d %8d %8d %13.0f %6.0f\n",
-                  std::string(testing::name(family)).c_str(), global ? "global" : "default", settings.seeds,
-                  t.status, t.solved, t.optimum, t.stationary, t.bounds, t.proved, median(t.factorizations),
-                  *std::ranges::max_element(t.factorizations));
+                  std::string(testing::name(family)).c_str(), global ? "global_search" : "default",
+                  settings.seeds, t.status, t.solved, t.optimum, t.stationary, t.bounds, t.proved,
+                  median(t.factorizations), *std::ranges::max_element(t.factorizations));
     }
   }
 }

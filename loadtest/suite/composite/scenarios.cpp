@@ -13,39 +13,40 @@
 namespace marble::suite {
 namespace {
 
-using examples::OneNumberWorlds;
+using examples::OneNumberScenarios;
 
 /// For this process, on one thread: other load on the machine does not count.
 double cpu_ms() { return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
-std::vector<double> draws(std::uint64_t seed, int worlds, double low, double high) {
+std::vector<double> draws(std::uint64_t seed, int scenarios, double low, double high) {
   Noise noise(seed);
   std::vector<double> result;
-  for (int i = 0; i < worlds; ++i) result.push_back(low + (high - low) * 0.5 * (1.0 + noise.uniform()));
+  for (int i = 0; i < scenarios; ++i) result.push_back(low + (high - low) * 0.5 * (1.0 + noise.uniform()));
   return result;
 }
 
 // Altitudes at the centres of N equal parts of 3 to 4.8 m, cold.
-void optima(const OneNumberWorlds& rocket) {
+void optima(const OneNumberScenarios& rocket) {
   std::printf("rocket, one plan for N altitudes 3 + 1.8 (j + 1/2) / N m, cold\n");
   std::printf("%6s %10s %6s  %-10s %13s %15s %10s\n", "N", "variables", "pairs", "end", "objective",
               "factorizations", "CPU ms");
-  for (const int worlds : {1, 2, 4, 8, 16, 32}) {
+  for (const int scenarios : {1, 2, 4, 8, 16, 32}) {
     std::vector<double> altitudes;
-    for (int j = 0; j < worlds; ++j) altitudes.push_back(3.0 + 1.8 * (j + 0.5) / worlds);
+    for (int j = 0; j < scenarios; ++j) altitudes.push_back(3.0 + 1.8 * (j + 0.5) / scenarios);
     const double begun = cpu_ms();
     const ScenarioAnswer answer =
-        solve_scenarios(rocket.worlds(altitudes),
-                        {.first_scenarios = worlds, .most_scenarios = worlds, .fresh_scenarios = 0})
+        solve_scenarios(
+            rocket.scenarios(altitudes),
+            {.initial_sample_size = scenarios, .max_sample_size = scenarios, .out_of_sample_scenarios = 0})
             .value();
     const ScenarioLevel& level = answer.levels.back();
-    std::printf("%6d %10d %6d  %-10s %13.6f %15lld %10.1f\n", worlds, level.variables, level.pairs,
+    std::printf("%6d %10d %6d  %-10s %13.6f %15lld %10.1f\n", scenarios, level.variables, level.pairs,
                 to_string(answer.status), answer.objective, static_cast<long long>(level.factorizations),
                 cpu_ms() - begun);
     std::fflush(stdout);
   }
   for (const double altitude : {4.8, 5.138, 5.392}) {
-    const ScenarioAnswer answer = solve_scenarios(rocket.worlds({altitude})).value();
+    const ScenarioAnswer answer = solve_scenarios(rocket.scenarios({altitude})).value();
     std::printf("%6.3f m alone: %s %.6f\n", altitude, to_string(answer.status), answer.objective);
   }
   std::printf("\n");
@@ -63,25 +64,27 @@ Cold solve_cold(const OwnedProblem& whole, const Options& options) {
 }
 
 // 1 to 32 altitudes against 32 at once: cold by default, and cold without a local search.
-void chains(const OneNumberWorlds& rocket, const Settings& settings) {
-  constexpr int kWorlds = 32;
-  std::printf("rocket, 1 to %d altitudes at random, against %d at once\n", kWorlds, kWorlds);
+void chains(const OneNumberScenarios& rocket, const Settings& settings) {
+  constexpr int kScenarios = 32;
+  std::printf("rocket, 1 to %d altitudes at random, against %d at once\n", kScenarios, kScenarios);
   std::printf("%6s %14s %8s %10s | %8s %10s %8s %10s | %8s %10s %8s %10s\n", "seed", "objective", "fact.",
               "CPU ms", "cold", "CPU ms", "times", "gap", "bare", "CPU ms", "times", "gap");
   std::vector<double> ratios, bare_ratios, gaps, bare_gaps;
   for (int k = 0; k < settings.seeds; ++k) {
     const int seed = 2 * k + (settings.judging ? 2 : 1);
-    const ScenarioProblem problem = rocket.worlds(draws(static_cast<std::uint64_t>(seed), kWorlds, 3.0, 4.8));
+    const ScenarioProblem problem =
+        rocket.scenarios(draws(static_cast<std::uint64_t>(seed), kScenarios, 3.0, 4.8));
     const double begun = cpu_ms();
-    const ScenarioAnswer grown = solve_scenarios(problem, {.most_scenarios = kWorlds}).value();
+    const ScenarioAnswer grown = solve_scenarios(problem, {.max_sample_size = kScenarios}).value();
     const double ms = cpu_ms() - begun;
     std::int64_t factorizations = 0;
     for (const ScenarioLevel& level : grown.levels)
-      factorizations += level.factorizations + (level.fresh ? level.fresh->factorizations : 0);
-    const OwnedProblem whole = assemble_scenarios(problem, kWorlds).value();
+      factorizations +=
+          level.factorizations + (level.out_of_sample ? level.out_of_sample->factorizations : 0);
+    const OwnedProblem whole = assemble_scenarios(problem, kScenarios).value();
     const Cold cold = solve_cold(whole, {});
     Options no_search;
-    no_search.local_search_budget = 0;
+    no_search.max_local_search_factorizations = 0;
     const Cold bare = solve_cold(whole, no_search);
     if (!is_solved(grown.status) || !is_solved(cold.solution.status) || !is_solved(bare.solution.status)) {
       std::printf("%6d grown %s, cold %s, bare %s\n", seed, to_string(grown.status),
@@ -111,19 +114,20 @@ void chains(const OneNumberWorlds& rocket, const Settings& settings) {
 
 void levels_of(const ScenarioProblem& problem, std::int64_t most) {
   std::printf("%6s %10s %7s  %-10s %13s %8s %10s %9s %5s | %6s %8s %12s %10s %8s\n", "N", "variables",
-              "pairs", "end", "objective", "fact.", "ms", "MB", "warm", "fresh", "without", "mean", "+-",
-              "fact.");
-  ScenarioSettings settings{.most_scenarios = most};
+              "pairs", "end", "objective", "fact.", "ms", "MB", "warm", "out_of_sample", "without", "mean",
+              "+-", "fact.");
+  ScenarioSettings settings{.max_sample_size = most};
   settings.level = [](const ScenarioLevel& level) {
     std::printf("%6lld %10d %7d  %-10s %13.6f %8lld %10.1f %9.1f %5s |",
                 static_cast<long long>(level.scenarios), level.variables, level.pairs,
                 to_string(level.status), level.objective, static_cast<long long>(level.factorizations),
                 1e3 * level.seconds, 1e-6 * static_cast<double>(level.memory_bytes),
                 level.warm ? "yes" : "no");
-    if (level.fresh)
-      std::printf(" %6lld %8lld %12.6f %10.4f %8lld", static_cast<long long>(level.fresh->scenarios),
-                  static_cast<long long>(level.fresh->without_recourse), level.fresh->mean,
-                  level.fresh->half_width, static_cast<long long>(level.fresh->factorizations));
+    if (level.out_of_sample)
+      std::printf(" %6lld %8lld %12.6f %10.4f %8lld", static_cast<long long>(level.out_of_sample->scenarios),
+                  static_cast<long long>(level.out_of_sample->without_recourse), level.out_of_sample->mean,
+                  level.out_of_sample->half_width,
+                  static_cast<long long>(level.out_of_sample->factorizations));
     std::printf("\n");
     std::fflush(stdout);
   };
@@ -136,17 +140,17 @@ void levels_of(const ScenarioProblem& problem, std::int64_t most) {
 
 void scenarios(const Settings& settings) {
   const auto wanted = [&](const char* part) { return settings.only.empty() || settings.only == part; };
-  const OneNumberWorlds rocket = examples::rocket_by_altitude();
+  const OneNumberScenarios rocket = examples::rocket_by_altitude();
   if (wanted("optima")) optima(rocket);
   if (wanted("chains")) chains(rocket, settings);
   if (wanted("many")) {
     std::printf("rocket, 1 to 256 altitudes at random\n");
-    levels_of(rocket.worlds(draws(settings.judging ? 2 : 1, 288, 3.0, 4.8)), 256);
+    levels_of(rocket.scenarios(draws(settings.judging ? 2 : 1, 288, 3.0, 4.8)), 256);
   }
   if (wanted("hopper")) {
-    const OneNumberWorlds hopper = examples::hopper_by_friction({.steps = 20});
+    const OneNumberScenarios hopper = examples::hopper_by_friction({.steps = 20});
     std::printf("hopper of 20 steps, 1 to 16 frictions at random between 0.1 and 0.5\n");
-    levels_of(hopper.worlds(draws(settings.judging ? 2 : 1, 32, 0.1, 0.5)), 16);
+    levels_of(hopper.scenarios(draws(settings.judging ? 2 : 1, 32, 0.1, 0.5)), 16);
   }
 }
 

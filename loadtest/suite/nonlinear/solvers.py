@@ -84,7 +84,7 @@ class Ipopt:
 
 
 class Snopt:
-    """SNOPT by Drake; a pair is Drake's linear complementarity of two slacks. Work: not told."""
+    """SNOPT by Drake; a pair is Drake's linear complementarity of two slacks. Work: not reported."""
 
     def __init__(self):
         from pydrake.solvers import SnoptSolver
@@ -130,7 +130,7 @@ class Snopt:
 
 
 class Pympcc:
-    """pympcc, by its default strategy, Scholtes' relaxation, over cyipopt, with CasADi's derivatives. Work: not told."""
+    """pympcc, by its default strategy, Scholtes' relaxation, over cyipopt, with CasADi's derivatives. Work: not reported."""
 
     def __init__(self):
         import cyipopt  # noqa: F401
@@ -164,7 +164,7 @@ class Pympcc:
 
 
 class Discopt:
-    """discopt's solve_mpec, Scholtes' relaxation to 1e-9, with its own derivatives. Work: not told."""
+    """discopt's solve_mpec, Scholtes' relaxation to 1e-9, with its own derivatives. Work: not reported."""
 
     def __init__(self):
         import discopt.mpec  # noqa: F401

@@ -45,7 +45,7 @@ Outcome cold(const OwnedProblem& problem) {
 Outcome proof(const OwnedProblem& problem) {
   Options options;
   options.time_limit_s = kRunaway_s;
-  options.global = true;
+  options.global_search = true;
   options.node_limit = 200;
   const double begin = processor_seconds();
   const Solution s = solve_in_process(problem.view(), options).value();

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "marble/composite/scenarios.h"
-#include "marble/composite/worlds.h"
 #include "marble/v1/scenarios.pb.h"
 #include "marble/v1/service.pb.h"
 #include "marble/v1/solution.pb.h"
@@ -11,7 +10,7 @@ namespace marble {
 
 /// Fills first_stage, own rows and the scenarios of a problem that has its base. Views the message's arrays.
 /// Errors: fields of `Scenarios`, "samples.values" and such.
-[[nodiscard]] Expected<void> take_worlds(const v1::Scenarios& message, ScenarioProblem& problem);
+[[nodiscard]] Expected<void> take_scenarios(const v1::Scenarios& message, ScenarioProblem& problem);
 
 /// Absent fields keep their value in `settings`; options and callback too. Checks nothing: check_scenarios
 /// does, whose "settings.growth" is the field "growth" of the message.

@@ -57,7 +57,7 @@ struct EventHub::Topic {
   std::deque<Frame> frames = {};
   std::int64_t end = 0;  // number of the next frame
   bool over = false;
-  std::shared_ptr<Condition> told = std::make_shared<Condition>();
+  std::shared_ptr<Condition> reported = std::make_shared<Condition>();
 
   std::unique_ptr<JobFeed> feed = nullptr;  // used only by the hub's thread
   std::int64_t skipped = 0;                 // by this feed; hub's thread only
@@ -76,7 +76,7 @@ void EventHub::stop() {
   const MutexLock lock(mutex_);
   stopping_ = true;
   wake_.notify_all();
-  for (const auto& [key, topic] : topics_) topic->told->notify_all();
+  for (const auto& [key, topic] : topics_) topic->reported->notify_all();
 }
 
 Expected<std::unique_ptr<EventHub::Viewer>> EventHub::watch_all(const Identity& caller) {
@@ -127,7 +127,7 @@ EventHub::Viewer::Next EventHub::Viewer::next(Clock::duration patience) {
   const auto until = Clock::now() + patience;
   const MutexLock lock(hub_.mutex_);
   while (at_ == topic_->end && !topic_->over && !hub_.stopping_) {
-    if (topic_->told->wait_until(hub_.mutex_, until) == std::cv_status::timeout) return {Next::quiet};
+    if (topic_->reported->wait_until(hub_.mutex_, until) == std::cv_status::timeout) return {Next::quiet};
   }
   if (hub_.stopping_ || at_ == topic_->end) return {Next::over};
   const auto behind = static_cast<std::size_t>(topic_->end - at_);
@@ -154,7 +154,7 @@ void EventHub::run() {
       if (all && (topic->starts || tick_ % kTicksOfClients == 0))
         frames.push_back(frame_of("clients", clients_for(parts_, topic->viewer)));
       if (!all || topic->starts || tick_ % kTicksOfAll == 0) look_at_jobs(*topic, frames, over);
-      tell(*topic, std::move(frames), over);
+      report(*topic, std::move(frames), over);
     }
   }
 }
@@ -201,14 +201,14 @@ void EventHub::look_at_jobs(Topic& topic, std::vector<Frame>& frames, bool& over
   if (over) frames.push_back(frame_of("end", "{}"));
 }
 
-void EventHub::tell(Topic& topic, std::vector<Frame> frames, bool over) {
+void EventHub::report(Topic& topic, std::vector<Frame> frames, bool over) {
   if (frames.empty()) return;
   const MutexLock lock(mutex_);
   topic.end += static_cast<std::int64_t>(frames.size());
   for (Frame& frame : frames) topic.frames.push_back(std::move(frame));
   while (topic.frames.size() > kKeptFrames) topic.frames.pop_front();
   topic.over = over;
-  topic.told->notify_all();
+  topic.reported->notify_all();
 }
 
 EventHub::Frame EventHub::server_frame() const {

@@ -85,7 +85,7 @@ class EventHub {
   [[nodiscard]] bool wait_for_tick() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Topics take_topics() ABSL_LOCKS_EXCLUDED(mutex_);
   void look_at_jobs(Topic& topic, std::vector<Frame>& frames, bool& over);
-  void tell(Topic& topic, std::vector<Frame> frames, bool over) ABSL_LOCKS_EXCLUDED(mutex_);
+  void report(Topic& topic, std::vector<Frame> frames, bool over) ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Frame server_frame() const;
 
   const ServiceParts& parts_;

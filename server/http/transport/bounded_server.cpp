@@ -63,16 +63,16 @@ BoundedServer::BoundedServer(std::unique_ptr<TlsSessions> tls, int connections, 
       line_time_(line_time),
       answer_rate_(answer_rate),
       requests_(static_cast<std::size_t>(connections)),
-      lobby_(static_cast<std::size_t>(std::max(connections, kLeastWaiting)),
-             [this](const Lobby::Guest& guest) {
-               queue_for(guest->received()).enqueue([this, guest] { serve(guest); });
-             }) {
+      pending_connections_(static_cast<std::size_t>(std::max(connections, kLeastWaiting)),
+                           [this](const PendingConnections::Connection& guest) {
+                             queue_for(guest->received()).enqueue([this, guest] { serve(guest); });
+                           }) {
   new_task_queue = [] { return new AtOnce; };  // httplib deletes it
 }
 
 void BoundedServer::finish(Clock::duration time) {
   stop_ = Clock::now() + time;
-  lobby_.close();
+  pending_connections_.close();
   for (TaskQueue* queue : {&requests_, &healthz_, &readyz_}) queue->shutdown();
 }
 
@@ -81,7 +81,7 @@ bool BoundedServer::process_and_close_socket(socket_t socket) {
   const bool usable = tls_ == nullptr || session != nullptr;
   const auto connection =
       std::make_shared<Connection>(socket, std::move(session), line_time_, answer_rate_, stop_);
-  if (usable) lobby_.enter(connection);
+  if (usable) pending_connections_.enter(connection);
   return usable;
 }
 
@@ -104,7 +104,7 @@ TaskQueue& BoundedServer::queue_for(std::string_view request) {
   return requests_;
 }
 
-void BoundedServer::serve(const Lobby::Guest& connection) {
+void BoundedServer::serve(const PendingConnections::Connection& connection) {
   const std::string fault = fault_of_head(connection->received());
   const bool is_final = connection->begin_request() == kMostRequests;
   bool closes = false, is_last = true;  // unless it can be read
@@ -136,7 +136,7 @@ void BoundedServer::serve(const Lobby::Guest& connection) {
   if (in_pieces || left - connection->left() < length) connection->end_request();  // it may be unread
   if (!done || closes || is_last || is_final) return;
   connection->await_next();
-  lobby_.enter(connection);
+  pending_connections_.enter(connection);
 }
 
 }  // namespace marble::server::http

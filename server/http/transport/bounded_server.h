@@ -9,7 +9,7 @@
 #include <memory>
 #include <utility>
 
-#include "http/transport/lobby.h"
+#include "http/transport/pending_connections.h"
 #include "http/transport/task_queue.h"
 #include "http/transport/tls_session.h"
 
@@ -50,7 +50,7 @@ class BoundedServer final : public httplib::Server {
  private:
   bool process_and_close_socket(socket_t socket) override;
   [[nodiscard]] TaskQueue& queue_for(std::string_view request);
-  void serve(const Lobby::Guest& connection);
+  void serve(const PendingConnections::Connection& connection);
 
   const std::unique_ptr<TlsSessions> tls_;
   const Clock::duration line_time_;
@@ -59,7 +59,7 @@ class BoundedServer final : public httplib::Server {
   std::atomic<Clock::time_point> stop_ = Clock::time_point::max();  // the end of all replies
   TaskQueue requests_;
   TaskQueue healthz_{1}, readyz_{1};  // a probe waits for no request and for no other probe
-  Lobby lobby_;
+  PendingConnections pending_connections_;
 };
 
 }  // namespace marble::server::http

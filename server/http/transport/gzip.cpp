@@ -57,8 +57,8 @@ bool accepts_gzip(std::string_view accept_encoding) {
     if (coding == "*") known = &others;
     if (known != nullptr) *known = std::max(known->value_or(0), weight);
   }
-  const int wish = gzip.value_or(others.value_or(0));
-  return wish > 0 && wish >= identity.value_or(0);
+  const int request = gzip.value_or(others.value_or(0));
+  return request > 0 && request >= identity.value_or(0);
 }
 
 std::string gzip(std::string_view bytes) {

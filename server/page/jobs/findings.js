@@ -55,7 +55,7 @@ function kindOfSolution(job, options, solution) {
     secondOrder: untested ? "minimum" : short(solution?.second_order, "SECOND_ORDER_"),
     feasible: judge(job, options).every(({ met }) => met),
     pairs: job.pairs,
-    budgetSpent: job.factorizations >= Number(options?.local_search_budget ?? 1000) && !job.detail?.includes("segments; "),
+    budgetSpent: job.factorizations >= Number(options?.max_local_search_factorizations ?? 1000) && !job.detail?.includes("segments; "),
     starts: Number(options?.starts ?? 1),
     globalSearch: options?.global === true,
   };

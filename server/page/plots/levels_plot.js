@@ -20,7 +20,7 @@ function interval({ objective, fresh, status }, place) {
     bar.style.width = `${place(fresh.mean + fresh.half_width) - place(fresh.mean - fresh.half_width)}%`;
     line.append(bar);
   }
-  if (status === "solved" || status === "solved_reduced") {
+  if (status === "solved" || status === "almost_solved") {
     const dot = make("span", { class: "interval-value" });
     dot.style.left = `${place(objective)}%`;
     line.append(dot);

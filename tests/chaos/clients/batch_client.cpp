@@ -11,7 +11,7 @@ namespace {
 
 class BatchClient final : public Client {
  public:
-  BatchClient(World& world, std::uint64_t seed) : Client(world, "batches", seed) {}
+  BatchClient(Environment& environment, std::uint64_t seed) : Client(environment, "batches", seed) {}
 
  private:
   void episode() override {
@@ -65,8 +65,8 @@ class BatchClient final : public Client {
 
 }  // namespace
 
-std::unique_ptr<Client> make_batch_client(World& world, std::uint64_t seed) {
-  return std::make_unique<BatchClient>(world, seed);
+std::unique_ptr<Client> make_batch_client(Environment& environment, std::uint64_t seed) {
+  return std::make_unique<BatchClient>(environment, seed);
 }
 
 }  // namespace marble::testing

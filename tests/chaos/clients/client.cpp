@@ -42,7 +42,7 @@ const char* name_of(grpc::StatusCode code) {
 }  // namespace
 
 void Client::run() {
-  while (world_.go_on()) {
+  while (environment_.go_on()) {
     if (disturbed()) connect_again();
     count("episodes");
     episode();
@@ -51,8 +51,8 @@ void Client::run() {
 }
 
 void Client::connect_again() {
-  const int generation = world_.wait_for_server();
-  channel_ = connect(world_.address());
+  const int generation = environment_.wait_for_server();
+  channel_ = connect(environment_.address());
   const bool there = channel_->WaitForConnected(std::chrono::system_clock::now() + kHang);
   generation_ = generation;
   if (!there && !disturbed()) fault("cannot connect");
@@ -77,7 +77,7 @@ bool Client::ended(const grpc::Status& status, const std::string& what, std::ini
       expect(!bad_field(status).field().empty(), what + ": no field: " + status.error_message());
     return code == Code::OK;
   }
-  // A server that has told all its answers cuts off who does not read them.
+  // A server that has reported all its answers cuts off who does not read them.
   if (disturbed() && code == Code::UNAVAILABLE) return false;
   if (code == Code::RESOURCE_EXHAUSTED) {
     expect(retry_info(status).has_value(), what + ": no RetryInfo: " + status.error_message());

@@ -9,8 +9,8 @@
 #include <random>
 #include <string>
 
+#include "environment.h"
 #include "marble/v1/service.grpc.pb.h"
-#include "world.h"
 
 namespace marble::testing {
 
@@ -18,13 +18,13 @@ class Client {
  public:
   using Code = grpc::StatusCode;
 
-  Client(World& world, std::string kind, std::uint64_t seed)
-      : world_(world), kind_(std::move(kind)), random_(seed) {}
+  Client(Environment& environment, std::string kind, std::uint64_t seed)
+      : environment_(environment), kind_(std::move(kind)), random_(seed) {}
   virtual ~Client() = default;
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
 
-  /// Episode after episode until the world stops. For one thread.
+  /// Episode after episode until the environment stops. For one thread.
   void run();
 
   [[nodiscard]] const std::string& kind() const { return kind_; }
@@ -41,7 +41,7 @@ class Client {
   [[nodiscard]] static std::unique_ptr<grpc::ClientContext> new_context();
 
   /// Whether the server may be gone: it is not the one this client connected to, or about to end.
-  [[nodiscard]] bool disturbed() const { return world_.generation() != generation_; }
+  [[nodiscard]] bool disturbed() const { return environment_.generation() != generation_; }
   /// Counts how a call ended. A fault, unless it is OK, one of `allowed`, RESOURCE_EXHAUSTED with RetryInfo,
   /// or the server was restarted. True if OK.
   bool ended(const grpc::Status& status, const std::string& what, std::initializer_list<Code> allowed = {});
@@ -51,7 +51,7 @@ class Client {
   /// Counts an answer. A fault, unless it is of this problem and, if solved, independently feasible.
   void answered(const v1::Problem& problem, const v1::Solution& solution);
 
-  void fault(const std::string& text) { world_.fault(kind_ + ": " + text); }
+  void fault(const std::string& text) { environment_.fault(kind_ + ": " + text); }
   void expect(bool holds, const std::string& text) {
     if (!holds) fault(text);
   }
@@ -62,7 +62,7 @@ class Client {
   /// Up to this many milliseconds, to be out of step with everybody else.
   void dawdle(int most_ms);
 
-  [[nodiscard]] World& world() { return world_; }
+  [[nodiscard]] Environment& environment() { return environment_; }
   [[nodiscard]] std::mt19937_64& random() { return random_; }
   [[nodiscard]] v1::Solver::Stub& solver() { return *solver_; }
   [[nodiscard]] v1::Jobs::Stub& jobs() { return *jobs_; }
@@ -71,7 +71,7 @@ class Client {
  private:
   void connect_again();
 
-  World& world_;
+  Environment& environment_;
   const std::string kind_;
   std::mt19937_64 random_;
   std::map<std::string, std::int64_t> tally_;

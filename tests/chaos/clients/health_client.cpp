@@ -1,4 +1,4 @@
-// Health is right throughout, and counters only grow and never tell of more ends than beginnings.
+// Health is right throughout, and counters only grow and never show more ends than beginnings.
 #include "clients.h"
 #include "grpc/health/v1/health.grpc.pb.h"
 
@@ -9,7 +9,7 @@ namespace health = grpc::health::v1;
 
 class HealthClient final : public Client {
  public:
-  HealthClient(World& world, std::uint64_t seed) : Client(world, "health", seed) {}
+  HealthClient(Environment& environment, std::uint64_t seed) : Client(environment, "health", seed) {}
 
  private:
   void connected(const std::shared_ptr<grpc::Channel>& channel) override {
@@ -62,8 +62,8 @@ class HealthClient final : public Client {
 
 }  // namespace
 
-std::unique_ptr<Client> make_health_client(World& world, std::uint64_t seed) {
-  return std::make_unique<HealthClient>(world, seed);
+std::unique_ptr<Client> make_health_client(Environment& environment, std::uint64_t seed) {
+  return std::make_unique<HealthClient>(environment, seed);
 }
 
 }  // namespace marble::testing

@@ -9,12 +9,12 @@ namespace {
 
 class HostileClient final : public Client {
  public:
-  HostileClient(World& world, std::uint64_t seed) : Client(world, "hostile", seed) {}
+  HostileClient(Environment& environment, std::uint64_t seed) : Client(environment, "hostile", seed) {}
 
  private:
   void episode() override {
     try {
-      RawHttp2 connection(world().address());
+      RawHttp2 connection(environment().address());
       attack(connection);
       dawdle(200);  // holding what it has
     } catch (const std::runtime_error&) {
@@ -77,8 +77,8 @@ class HostileClient final : public Client {
 
 }  // namespace
 
-std::unique_ptr<Client> make_hostile_client(World& world, std::uint64_t seed) {
-  return std::make_unique<HostileClient>(world, seed);
+std::unique_ptr<Client> make_hostile_client(Environment& environment, std::uint64_t seed) {
+  return std::make_unique<HostileClient>(environment, seed);
 }
 
 }  // namespace marble::testing

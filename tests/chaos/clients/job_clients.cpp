@@ -10,7 +10,7 @@ namespace {
 
 class SubmitClient final : public Client {
  public:
-  SubmitClient(World& world, std::uint64_t seed) : Client(world, "submitted jobs", seed) {}
+  SubmitClient(Environment& environment, std::uint64_t seed) : Client(environment, "submitted jobs", seed) {}
 
  private:
   void episode() override {
@@ -90,11 +90,11 @@ class SubmitClient final : public Client {
 // Every job's events, at times slower than they come.
 class WatchClient final : public Client {
  public:
-  WatchClient(World& world, std::uint64_t seed) : Client(world, "watchers", seed) {}
+  WatchClient(Environment& environment, std::uint64_t seed) : Client(environment, "watchers", seed) {}
 
  private:
   void episode() override {
-    grpc::ClientContext context;  // with a deadline of its own: while all rest, there is nothing to tell
+    grpc::ClientContext context;  // with a deadline of its own: while all rest, there is nothing to report
     context.set_deadline(std::chrono::system_clock::now() + std::chrono::milliseconds(pick(1, 3000)));
     v1::WatchJobsRequest request;
     if (chance(0.5)) request.set_progress_interval_s(0.1);
@@ -117,12 +117,12 @@ class WatchClient final : public Client {
 
 }  // namespace
 
-std::unique_ptr<Client> make_submit_client(World& world, std::uint64_t seed) {
-  return std::make_unique<SubmitClient>(world, seed);
+std::unique_ptr<Client> make_submit_client(Environment& environment, std::uint64_t seed) {
+  return std::make_unique<SubmitClient>(environment, seed);
 }
 
-std::unique_ptr<Client> make_watch_client(World& world, std::uint64_t seed) {
-  return std::make_unique<WatchClient>(world, seed);
+std::unique_ptr<Client> make_watch_client(Environment& environment, std::uint64_t seed) {
+  return std::make_unique<WatchClient>(environment, seed);
 }
 
 }  // namespace marble::testing

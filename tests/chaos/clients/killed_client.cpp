@@ -9,7 +9,7 @@ namespace {
 
 class KilledClient final : public Client {
  public:
-  KilledClient(World& world, std::uint64_t seed) : Client(world, "killed with -9", seed) {}
+  KilledClient(Environment& environment, std::uint64_t seed) : Client(environment, "killed with -9", seed) {}
 
  private:
   void episode() override {
@@ -17,9 +17,9 @@ class KilledClient final : public Client {
     const std::string kind = kKinds[static_cast<std::size_t>(pick(0, 2))];
     const std::string output = directory_.file(std::to_string(++number_));
     // Of this thread, which lives on: a child is killed with the thread that started it.
-    ChildProcess victim({STREAM_CLIENT_BINARY, world().address(), kind}, output);
-    const bool told = eventually([&] { return !victim.output().empty() || !victim.running(); });
-    expect(told, "a " + kind + " that never ran");
+    ChildProcess victim({STREAM_CLIENT_BINARY, environment().address(), kind}, output);
+    const bool reported = eventually([&] { return !victim.output().empty() || !victim.running(); });
+    expect(reported, "a " + kind + " that never ran");
     dawdle(100);
     count(victim.running() ? "killed " + kind : "ended before");
     victim.send(SIGKILL);
@@ -33,8 +33,8 @@ class KilledClient final : public Client {
 
 }  // namespace
 
-std::unique_ptr<Client> make_killed_client(World& world, std::uint64_t seed) {
-  return std::make_unique<KilledClient>(world, seed);
+std::unique_ptr<Client> make_killed_client(Environment& environment, std::uint64_t seed) {
+  return std::make_unique<KilledClient>(environment, seed);
 }
 
 }  // namespace marble::testing

@@ -15,7 +15,7 @@ using Stream = grpc::ClientReaderWriter<v1::SessionRequest, v1::SessionResponse>
 
 class SessionClient final : public Client {
  public:
-  SessionClient(World& world, std::uint64_t seed) : Client(world, "sessions", seed) {}
+  SessionClient(Environment& environment, std::uint64_t seed) : Client(environment, "sessions", seed) {}
 
  private:
   struct Sent {
@@ -107,7 +107,7 @@ class SessionClient final : public Client {
   }
 
   void take(const v1::SessionError& error) {
-    // One that is refused is told at once, and has changed nothing; one that is late has.
+    // One that is refused is reported at once, and has changed nothing; one that is late has.
     const bool late = error.status().code() == Code::DEADLINE_EXCEEDED;
     expect(!late || is_oldest(error.sequence()), "late out of order");
     const Sent* sent = end(error.sequence(), late);
@@ -162,7 +162,7 @@ class SessionClient final : public Client {
 // Set up and left alone until the server ends it; or not even set up.
 class IdleSession final : public Client {
  public:
-  IdleSession(World& world, std::uint64_t seed) : Client(world, "idle sessions", seed) {}
+  IdleSession(Environment& environment, std::uint64_t seed) : Client(environment, "idle sessions", seed) {}
 
  private:
   void episode() override {
@@ -180,12 +180,12 @@ class IdleSession final : public Client {
 
 }  // namespace
 
-std::unique_ptr<Client> make_session_client(World& world, std::uint64_t seed) {
-  return std::make_unique<SessionClient>(world, seed);
+std::unique_ptr<Client> make_session_client(Environment& environment, std::uint64_t seed) {
+  return std::make_unique<SessionClient>(environment, seed);
 }
 
-std::unique_ptr<Client> make_idle_session(World& world, std::uint64_t seed) {
-  return std::make_unique<IdleSession>(world, seed);
+std::unique_ptr<Client> make_idle_session(Environment& environment, std::uint64_t seed) {
+  return std::make_unique<IdleSession>(environment, seed);
 }
 
 }  // namespace marble::testing

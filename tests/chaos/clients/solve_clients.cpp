@@ -12,7 +12,7 @@ namespace {
 
 class SolveClient final : public Client {
  public:
-  SolveClient(World& world, std::uint64_t seed) : Client(world, "solves", seed) {}
+  SolveClient(Environment& environment, std::uint64_t seed) : Client(environment, "solves", seed) {}
 
  private:
   void episode() override {
@@ -34,7 +34,8 @@ class SolveClient final : public Client {
 // Deadlines that pass while the job waits, while it runs, and now and then just not.
 class DeadlineClient final : public Client {
  public:
-  DeadlineClient(World& world, std::uint64_t seed) : Client(world, "deadline misses", seed) {}
+  DeadlineClient(Environment& environment, std::uint64_t seed)
+      : Client(environment, "deadline misses", seed) {}
 
  private:
   void episode() override {
@@ -52,7 +53,7 @@ class DeadlineClient final : public Client {
 
 class MalformedClient final : public Client {
  public:
-  MalformedClient(World& world, std::uint64_t seed) : Client(world, "malformed", seed) {}
+  MalformedClient(Environment& environment, std::uint64_t seed) : Client(environment, "malformed", seed) {}
 
  private:
   void episode() override {
@@ -153,16 +154,16 @@ class MalformedClient final : public Client {
 
 }  // namespace
 
-std::unique_ptr<Client> make_solve_client(World& world, std::uint64_t seed) {
-  return std::make_unique<SolveClient>(world, seed);
+std::unique_ptr<Client> make_solve_client(Environment& environment, std::uint64_t seed) {
+  return std::make_unique<SolveClient>(environment, seed);
 }
 
-std::unique_ptr<Client> make_deadline_client(World& world, std::uint64_t seed) {
-  return std::make_unique<DeadlineClient>(world, seed);
+std::unique_ptr<Client> make_deadline_client(Environment& environment, std::uint64_t seed) {
+  return std::make_unique<DeadlineClient>(environment, seed);
 }
 
-std::unique_ptr<Client> make_malformed_client(World& world, std::uint64_t seed) {
-  return std::make_unique<MalformedClient>(world, seed);
+std::unique_ptr<Client> make_malformed_client(Environment& environment, std::uint64_t seed) {
+  return std::make_unique<MalformedClient>(environment, seed);
 }
 
 }  // namespace marble::testing

@@ -48,7 +48,7 @@ class Order {
 
 class StreamClient final : public Client {
  public:
-  StreamClient(World& world, std::uint64_t seed) : Client(world, "streams", seed) {}
+  StreamClient(Environment& environment, std::uint64_t seed) : Client(environment, "streams", seed) {}
 
  private:
   void episode() override {
@@ -70,7 +70,7 @@ class StreamClient final : public Client {
 
 class CancelClient final : public Client {
  public:
-  CancelClient(World& world, std::uint64_t seed) : Client(world, "cancels", seed) {}
+  CancelClient(Environment& environment, std::uint64_t seed) : Client(environment, "cancels", seed) {}
 
  private:
   void episode() override {
@@ -112,7 +112,7 @@ class CancelClient final : public Client {
 // Large iterates with every row, and nobody who reads them for a while.
 class SlowReader final : public Client {
  public:
-  SlowReader(World& world, std::uint64_t seed) : Client(world, "slow readers", seed) {}
+  SlowReader(Environment& environment, std::uint64_t seed) : Client(environment, "slow readers", seed) {}
 
  private:
   void episode() override {
@@ -124,7 +124,7 @@ class SlowReader final : public Client {
     Order order;
     Event event;
     for (int i = pick(0, 4); i > 0 && reader->Read(&event); --i) take(order, event);
-    for (int i = pick(2, 20); i > 0 && !world().stopped(); --i) dawdle(100);
+    for (int i = pick(2, 20); i > 0 && !environment().stopped(); --i) dawdle(100);
     const bool given_up = chance(0.5);
     if (given_up) context->TryCancel();
     while (reader->Read(&event)) take(order, event);
@@ -145,16 +145,16 @@ class SlowReader final : public Client {
 
 }  // namespace
 
-std::unique_ptr<Client> make_stream_client(World& world, std::uint64_t seed) {
-  return std::make_unique<StreamClient>(world, seed);
+std::unique_ptr<Client> make_stream_client(Environment& environment, std::uint64_t seed) {
+  return std::make_unique<StreamClient>(environment, seed);
 }
 
-std::unique_ptr<Client> make_cancel_client(World& world, std::uint64_t seed) {
-  return std::make_unique<CancelClient>(world, seed);
+std::unique_ptr<Client> make_cancel_client(Environment& environment, std::uint64_t seed) {
+  return std::make_unique<CancelClient>(environment, seed);
 }
 
-std::unique_ptr<Client> make_slow_reader(World& world, std::uint64_t seed) {
-  return std::make_unique<SlowReader>(world, seed);
+std::unique_ptr<Client> make_slow_reader(Environment& environment, std::uint64_t seed) {
+  return std::make_unique<SlowReader>(environment, seed);
 }
 
 }  // namespace marble::testing

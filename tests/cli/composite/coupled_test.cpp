@@ -30,7 +30,7 @@ class CoupledCommand : public Cli {
   ServerProcess server_{MARBLE_SERVER_BINARY};
 };
 
-TEST_F(CoupledCommand, TellsALineAnIterationAndThenTheAnswer) {
+TEST_F(CoupledCommand, ReportsALineAnIterationAndThenTheAnswer) {
   const Result text = marble(quoted(cell()));
   ASSERT_EQ(text.exit_code, 0) << text.err;
   EXPECT_NE(text.out.find("price step"), std::string::npos) << text.out;

@@ -1,4 +1,4 @@
-// marble scenarios: one plan for many worlds.
+// marble scenarios: one plan for many scenarios.
 #include <cstdlib>
 
 #include "cli_test.h"
@@ -31,18 +31,18 @@ class ScenarioCommand : public Cli {
   ServerProcess server_{MARBLE_SERVER_BINARY};
 };
 
-TEST_F(ScenarioCommand, TellsALineALevelAndThenThePlan) {
+TEST_F(ScenarioCommand, ReportsALineALevelAndThenThePlan) {
   const std::string arrays =
       samples("l=[[float(d)] for d in (1, 9, 3, 7, 2, 8, 4, 6)], first_stage=[0], weights=[1.0] * 8");
   const Result text = marble("--samples " + arrays);
   ASSERT_EQ(text.exit_code, 0) << text.err;
-  EXPECT_NE(text.out.find("in other worlds, 95 %"), std::string::npos) << text.out;
-  EXPECT_NE(text.out.find("samples: solved; the plan is for 8 worlds"), std::string::npos) << text.out;
+  EXPECT_NE(text.out.find("in other scenarios, 95 %"), std::string::npos) << text.out;
+  EXPECT_NE(text.out.find("samples: solved; the plan is for 8 scenarios"), std::string::npos) << text.out;
   const auto lines = marble("--output json --samples " + arrays).lines();
   ASSERT_EQ(lines.size(), 5U);
   EXPECT_EQ(lines[3]["scenarios"], 8);
-  EXPECT_TRUE(lines[3]["fresh"].is_null());
-  EXPECT_EQ(lines[2]["fresh"]["scenarios"], 4);
+  EXPECT_TRUE(lines[3]["out_of_sample"].is_null());
+  EXPECT_EQ(lines[2]["out_of_sample"]["scenarios"], 4);
   EXPECT_EQ(lines[4]["end"], "samples");
   EXPECT_EQ(lines[4]["x"].size(), 1U);
 }
@@ -56,7 +56,7 @@ TEST_F(ScenarioCommand, HasTheSameBitsInThisProcess) {
   ASSERT_EQ(here.size(), there.size());
   for (std::size_t i = 0; i + 1 < there.size(); ++i) {
     EXPECT_EQ(here[i]["objective"], there[i]["objective"]);
-    EXPECT_EQ(here[i]["fresh"], there[i]["fresh"]);
+    EXPECT_EQ(here[i]["out_of_sample"], there[i]["out_of_sample"]);
   }
   EXPECT_EQ(here[5]["x"], there[5]["x"]);
 }
@@ -77,7 +77,7 @@ TEST_F(ScenarioCommand, NamesWhatIsWrongWithAFile) {
   refused("", "--samples or --sampler");
   refused("--samples nothing.npz", "nothing.npz");
   refused("--samples " + samples("l=[[1.0], [2.0]], first_stage=[7]"), "first_stage[0] = 7");
-  refused("--samples " + samples("l=[[1.0], [2.0]], c0=[1.0], first_stage=[0]"), "a row for each world");
+  refused("--samples " + samples("l=[[1.0], [2.0]], c0=[1.0], first_stage=[0]"), "a row for each scenario");
   refused("--samples " + samples("height=[1.0]"), "is no array of samples");
   refused("--samples " + samples("l=[[1.0]]") + " --first-stage 0,x", "--first-stage");
   refused("--sampler " + quoted(file("bad.json", R"({"quantities": [{"distribution": "cauchy"}]})")),

@@ -1,4 +1,4 @@
-// Proofs on the command line (option global): what is told of them, drawn, and ended.
+// Proofs on the command line (option global_search): what is reported of them, drawn, and ended.
 #include <csignal>
 
 #include "cli_test.h"
@@ -6,7 +6,7 @@
 namespace marble::testing {
 namespace {
 
-constexpr const char* kGlobal = " --option global=true ";
+constexpr const char* kGlobal = " --option global_search=true ";
 
 class Proving : public Cli {
  protected:
@@ -20,7 +20,7 @@ class Proving : public Cli {
   }
 };
 
-TEST_F(Proving, IsToldInWordsAndInJson) {
+TEST_F(Proving, IsReportedInWordsAndInJson) {
   const std::string good = quoted(file("good.json", kGood));
   const Result words = run("solve --local --quiet" + std::string(kGlobal) + good);
   EXPECT_EQ(words.exit_code, 0) << words.err;
@@ -30,13 +30,14 @@ TEST_F(Proving, IsToldInWordsAndInJson) {
   EXPECT_LE(proved["bound"].get<double>(), 0.5);
   EXPECT_GE(proved["nodes"], 1);
   EXPECT_EQ(proved["open_nodes"], 0);
-  const Json local = run("solve --local --quiet --output json --option small_budget=0 " + good).lines().at(0);
+  const Json local =
+      run("solve --local --quiet --output json --option max_small_problem_nodes=0 " + good).lines().at(0);
   EXPECT_EQ(local["proved"], false);
   EXPECT_TRUE(local["bound"].is_null() && local["gap"].is_null()) << "JSON has no infinity";
   EXPECT_EQ(local["nodes"], 0);
 }
 
-TEST_F(Proving, TheKindOfAnswerIsToldWithWhatToTry) {
+TEST_F(Proving, TheKindOfAnswerIsReportedWithWhatToTry) {
   const std::string good = quoted(file("good.json", kGood));
   const Result proved = run("solve --local --quiet " + good);
   EXPECT_NE(proved.out.find("\n  answer          proved optimal\n"), std::string::npos) << proved.out;
@@ -46,11 +47,11 @@ TEST_F(Proving, TheKindOfAnswerIsToldWithWhatToTry) {
   const Json json = run("solve --local --quiet --output json " + good).lines().at(0);
   EXPECT_EQ(json["kind"], "proved_optimal");
   EXPECT_EQ(json["nodes"], 1);
-  const std::string local = " --local --quiet --option small_budget=0 ";
+  const std::string local = " --local --quiet --option max_small_problem_nodes=0 ";
   const Result words = run("solve" + local + good);
   EXPECT_NE(words.out.find("\n  answer          local minimum; no bound is known\n"), std::string::npos)
       << words.out;
-  EXPECT_NE(words.out.find("\n  what to try     starts=8 searches 8 times, for about 8 times the work"),
+  EXPECT_NE(words.out.find("\n  what to try     num_starts=8 searches 8 times, for about 8 times the work"),
             std::string::npos)
       << words.out;
   EXPECT_EQ(run("solve --output json" + local + good).lines().at(0)["kind"], "local_minimum");

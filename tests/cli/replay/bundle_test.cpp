@@ -1,4 +1,4 @@
-// Bundles as files: whole or told to be damaged, whatever the bytes.
+// Bundles as files: whole or refused as damaged, whatever the bytes.
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 
@@ -22,13 +22,13 @@ std::string file_of(const std::function<void(TarZstWriter&)>& fill) {
 }
 
 void add(TarZstWriter& writer, const std::string& name, const std::string& content) {
-  EXPECT_TRUE(
-      writer.add(name, content.size(), 0, [&](const TarZstWriter::Tell& tell) { return tell(content); }));
+  EXPECT_TRUE(writer.add(name, content.size(), 0,
+                         [&](const TarZstWriter::Report& report) { return report(content); }));
 }
 
 Bundle small_bundle() {
   Bundle bundle;
-  tell_build(&bundle.facts);
+  report_build(&bundle.facts);
   bundle.request = example_request().SerializeAsString();
   bundle.facts.set_request_bytes(static_cast<std::int64_t>(bundle.request.size()));
   return bundle;
@@ -74,7 +74,7 @@ TEST(Bundles, LoseNothingButTheRequestId) {
   EXPECT_EQ(broken, "\x22\xff");
 }
 
-TEST(Bundles, CutOffOrDamagedAnywhereAreToldToBe) {
+TEST(Bundles, CutOffOrDamagedAnywhereAreReportedToBe) {
   const std::string file = written(small_bundle());
   expect_refused("", "cut off");
   expect_refused("anything else, as long as it is no zstd", "no bundle");
@@ -92,13 +92,13 @@ TEST(Bundles, MayNotUnpackToAnythingThatIsOutOfProportion) {
   const std::string zeros(1 << 20, '\0');
   const std::uint64_t megabytes = 600;
   const std::string bomb = file_of([&](TarZstWriter& writer) {
-    EXPECT_TRUE(
-        writer.add("README.txt", megabytes << 20, 0, [&](const TarZstWriter::Tell& tell) -> Expected<void> {
-          for (std::uint64_t i = 0; i < megabytes; ++i) {
-            if (auto told = tell(zeros); !told) return told;
-          }
-          return {};
-        }));
+    EXPECT_TRUE(writer.add("README.txt", megabytes << 20, 0,
+                           [&](const TarZstWriter::Report& report) -> Expected<void> {
+                             for (std::uint64_t i = 0; i < megabytes; ++i) {
+                               if (auto reported = report(zeros); !reported) return reported;
+                             }
+                             return {};
+                           }));
   });
   EXPECT_LT(bomb.size(), 200'000U);
   expect_refused(bomb, "would unpack to more than");

@@ -1,4 +1,4 @@
-// marble replay: a bundle is solved again to the same bits, and what differs is told.
+// marble replay: a bundle is solved again to the same bits, and what differs is reported.
 #include "replay_test.h"
 
 #include <cmath>
@@ -60,13 +60,13 @@ TEST_F(Replay, WhateverIsAskedForIsAskedForAgain) {
   expect_same(bundle_of(node, coupled->job_id), "coupled");
 
   const OwnedProblem shop = random_problem({}, 8);
-  ScenarioProblem worlds{.base = shop.view(), .first_stage = {0, 1}, .scenarios = 6};
-  worlds.sample = [&shop](std::int64_t i) -> Expected<ScenarioNumbers> {
+  ScenarioProblem scenarios{.base = shop.view(), .first_stage = {0, 1}, .scenarios = 6};
+  scenarios.sample = [&shop](std::int64_t i) -> Expected<ScenarioNumbers> {
     ScenarioNumbers numbers{.g = shop.g};
     numbers.g[3] += 0.1 * static_cast<double>(i);
     return numbers;
   };
-  const auto plan = client->jobs().submit(worlds, {.most_scenarios = 4, .fresh_scenarios = 2});
+  const auto plan = client->jobs().submit(scenarios, {.max_sample_size = 4, .out_of_sample_scenarios = 2});
   ASSERT_TRUE(plan) << plan.error().message();
   finish(node, plan->job_id);
   expect_same(bundle_of(node, plan->job_id), "scenarios");
@@ -78,7 +78,7 @@ TEST_F(Replay, RefusesAMatrixThatIsNeitherEmptyNorComplete) {
   block->mutable_problem()->add_gradient(1.0);
   block->mutable_coupling()->set_columns(9);
   Bundle bundle;
-  tell_build(&bundle.facts);
+  report_build(&bundle.facts);
   bundle.request = request.SerializeAsString();
   bundle.facts.set_request_bytes(static_cast<std::int64_t>(bundle.request.size()));
   const Result refused = replay(write(bundle));
@@ -129,7 +129,7 @@ TEST_F(Replay, ItsProblemIsAProblemFile) {
   EXPECT_EQ(run("plot " + quoted(file("trace.csv", trace))).exit_code, 0) << trace;
 }
 
-TEST_F(Replay, TheFirstDifferenceIsToldWithBothNumbers) {
+TEST_F(Replay, TheFirstDifferenceIsReportedWithBothNumbers) {
   const std::string path = bundle_path();
   ASSERT_EQ(run("solve --local --quiet --bundle " + quoted(path) + " " + quoted(file("good.json", kGood)))
                 .exit_code,
@@ -142,9 +142,9 @@ TEST_F(Replay, TheFirstDifferenceIsToldWithBothNumbers) {
   answer.mutable_solution()->set_iterations(99);
   bundle.answer = answer.SerializeAsString();
   bundle.facts.set_answer_bytes(static_cast<std::int64_t>(bundle.answer.size()));
-  Result told = replay(write(bundle), "--output json");
-  EXPECT_EQ(told.exit_code, 1) << told.err;
-  Json json = told.lines().at(0);
+  Result reported = replay(write(bundle), "--output json");
+  EXPECT_EQ(reported.exit_code, 1) << reported.err;
+  Json json = reported.lines().at(0);
   EXPECT_EQ(json["same"], false);
   EXPECT_EQ(json["differences"].size(), 2U) << json;
   EXPECT_EQ(json["first"]["field"], "z");
@@ -154,9 +154,10 @@ TEST_F(Replay, TheFirstDifferenceIsToldWithBothNumbers) {
 
   v1::Progress* row = bundle.facts.mutable_job()->mutable_trace()->mutable_rows(2);
   row->set_kappa(row->kappa() * 2.0);
-  told = replay(write(bundle), "--output json");
-  EXPECT_EQ(told.lines().at(0)["first"]["field"], "trace.kappa") << "an iteration comes before the answer";
-  EXPECT_EQ(told.lines().at(0)["first"]["index"], 2);
+  reported = replay(write(bundle), "--output json");
+  EXPECT_EQ(reported.lines().at(0)["first"]["field"], "trace.kappa")
+      << "an iteration comes before the answer";
+  EXPECT_EQ(reported.lines().at(0)["first"]["index"], 2);
   const Result text = replay(write(bundle));
   EXPECT_EQ(text.exit_code, 1);
   EXPECT_NE(text.out.find("first        trace.kappa[2] was "), std::string::npos) << text.out;
@@ -181,9 +182,9 @@ TEST_F(Replay, OfASolveThatWasCutOffTheIterationsAreCompared) {
   v1::GetJobResponse* job = ended.facts.mutable_job();
   const auto last = job->trace().rows().rbegin()->iteration();
   job->mutable_options()->set_max_iterations(last + 20);
-  const Result told = replay(write(ended), "--output json");
-  EXPECT_EQ(told.exit_code, 0) << told.out << told.err;
-  EXPECT_EQ(told.lines().at(0)["not_compared"].size(), 1U) << told.out;
+  const Result reported = replay(write(ended), "--output json");
+  EXPECT_EQ(reported.exit_code, 0) << reported.out << reported.err;
+  EXPECT_EQ(reported.lines().at(0)["not_compared"].size(), 1U) << reported.out;
 }
 
 TEST_F(Replay, AJobThatFailedIsComparedByItsError) {
@@ -215,7 +216,7 @@ TEST_F(Replay, RefusesAFewKilobytesOfNestedFieldsByNameInHalfAGigabyte) {
   for (const auto& [name, content] :
        {std::pair("job.pb", &std::as_const(facts)), std::pair("request.pb", &std::as_const(blocks))}) {
     EXPECT_TRUE(writer.add(name, content->size(), 0,
-                           [&, all = content](const TarZstWriter::Tell& tell) { return tell(*all); }));
+                           [&, all = content](const TarZstWriter::Report& report) { return report(*all); }));
   }
   EXPECT_TRUE(writer.finish());
   EXPECT_LT(packed.size(), 10'000U);
@@ -230,7 +231,7 @@ TEST_F(Replay, RefusesAFewKilobytesOfNestedFieldsByNameInHalfAGigabyte) {
   EXPECT_NE(said.find("fields"), std::string::npos) << said;
 }
 
-TEST_F(Replay, WhatIsNoBundleIsToldAsSuch) {
+TEST_F(Replay, WhatIsNoBundleIsReportedAsSuch) {
   const Result missing = replay("nowhere.tar.zst");
   EXPECT_EQ(missing.exit_code, 2);
   EXPECT_NE(missing.err.find("nowhere.tar.zst"), std::string::npos) << missing.err;

@@ -229,7 +229,7 @@ TEST_F(Live, SaysThatTheServerDrainsAndLeavesOneThatDoesNotAnswer) {
   expect_restored();
 }
 
-TEST_F(Live, WhoMayNotCancelIsToldSoInWords) {
+TEST_F(Live, WhoMayNotCancelIsReportedSoInWords) {
   const auto token = [&](const std::string& who) {
     ChildProcess maker({MARBLE_SERVER_BINARY, "--new-token", who}, directory_.file("made " + who));
     EXPECT_EQ(maker.wait(), 0);

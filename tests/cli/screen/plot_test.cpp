@@ -195,7 +195,7 @@ TEST(Gnuplot, OfATreeTheGapIsLogarithmicAndWhatIsNotKnownIsNotDrawn) {
   EXPECT_GT(script.find("title 'bound'"), script.find("unset logscale y")) << script;
 }
 
-TEST(Proof, IsToldInWords) {
+TEST(Proof, IsReportedInWords) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   EXPECT_EQ(proof_text({Status::solved, true, -4.0, 3e-7, 1204, 0}),
             "proved optimal: gap 3.0e-07, 1,204 nodes");

@@ -170,7 +170,7 @@ TEST_F(Watch, RatesComeFromDifferencesAndNotAcrossARestart) {
   EXPECT_FALSE(rates_between(*model_.server.info(), restarted));
 }
 
-TEST_F(Watch, TheHeaderTellsWorkersQueueRatesAndConnection) {
+TEST_F(Watch, TheHeaderReportsWorkersQueueRatesAndConnection) {
   const Lines lines = drawn({120, 24});
   for (const char* part : {"marble 0.1.0  connected  127.0.0.1:50051  up ", "3 of 4 busy", "15 solves/s",
                            "80 % solved", "interactive 2, ~1.5 s", "batch 7, ~90 s", "CPU 150 %"})
@@ -330,7 +330,7 @@ TEST_F(Watch, WhatIsTypedAfterASlashFilters) {
   EXPECT_TRUE(shows(drawn({80, 24}), "filter: q"));
   EXPECT_EQ(press({KeyName::enter}).kind, Request::Kind::none);
   EXPECT_EQ(ids(model_.jobs, view_.table), "q ");
-  EXPECT_TRUE(shows(drawn({80, 24}), "only q  Esc shows all")) << "that rows are missing is told";
+  EXPECT_TRUE(shows(drawn({80, 24}), "only q  Esc shows all")) << "that rows are missing is reported";
   EXPECT_EQ(press({KeyName::escape}).kind, Request::Kind::none) << "Esc shows all again before it quits";
   EXPECT_EQ(ids(model_.jobs, view_.table), "a q ");
 }

@@ -72,7 +72,7 @@ class Casadi(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder, local_and_remote(pathlib.Path(folder)) as clients:
             for client in clients:
                 terms = contact(casadi.SX)
-                solver = mpccsol("contact", terms, {"max_iterations": 300, "small_budget": 0}, server=client)
+                solver = mpccsol("contact", terms, {"max_iterations": 300, "max_small_problem_nodes": 0}, server=client)
                 first = solver(p=[1, 0, 0], lbx=-5, ubx=5)
                 before = solver.stats()["solution"].problem
                 again = solver(p=[1.001, 0, 0], lbx=-5, ubx=5)
@@ -97,7 +97,7 @@ class Casadi(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder, local_and_remote(pathlib.Path(folder)) as clients:
             for client in clients:
                 with mpccsol("sweep", terms, server=client) as best, \
-                        mpccsol("sweep", terms, {"small_budget": 0}, server=client) as near:
+                        mpccsol("sweep", terms, {"max_small_problem_nodes": 0}, server=client) as near:
                     for at in sweep:
                         least = at ** 2 if at < 2 else 4
                         self.assertAlmostEqual(float(best(p=at)["f"]), least, 6, at)

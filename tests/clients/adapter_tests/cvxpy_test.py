@@ -38,7 +38,7 @@ class Cvxpy(unittest.TestCase):
     def test_an_answer_that_is_almost_solved_is_optimal_inaccurate_and_cvxpy_warns_of_it(self):
         real, x = marble.client.solve, cvxpy.Variable(2)
         almost = mock.patch.object(marble.client, "solve", lambda *given, **words: dataclasses.replace(
-            real(*given, **words), status=marble.Status.SOLVED_REDUCED))
+            real(*given, **words), status=marble.Status.ALMOST_SOLVED))
         for solve in (lambda problem: problem.solve(solver=marble.cvxpy.MARBLE()),
                       lambda problem: marble.cvxpy.solve(problem, pairs=[(x[0], x[1])])):
             problem = cvxpy.Problem(cvxpy.Minimize(cvxpy.sum_squares(x - 1)), [x <= 3])

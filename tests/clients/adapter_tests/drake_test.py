@@ -36,7 +36,7 @@ class Drake(unittest.TestCase):
     def test_an_answer_that_is_almost_solved_comes_with_a_warning(self):
         with almost_solved(self, marble.client, "solve"):
             result = marble.drake.solve(program(0)[0])
-        self.assertIs(result.solution.status, marble.Status.SOLVED_REDUCED)
+        self.assertIs(result.solution.status, marble.Status.ALMOST_SOLVED)
 
     def test_answers_and_duals_are_those_of_the_best_branch(self):
         solved = 0

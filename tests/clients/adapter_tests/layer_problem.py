@@ -27,4 +27,4 @@ def settings():
     """Every solve on the branch of one answer, so that differences stay on it."""
     start = marble.solve(problem(), server="local")
     assert start.solved and marble.Sensitivity(start).smooth
-    return {"start": start, "options": {"local_search_budget": 0}}
+    return {"start": start, "options": {"max_local_search_factorizations": 0}}

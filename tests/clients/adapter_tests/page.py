@@ -44,7 +44,7 @@ def almost_solved(test, owner, name):
     real = getattr(owner, name)
 
     def almost(*arguments, **words):
-        return dataclasses.replace(real(*arguments, **words), status=marble.Status.SOLVED_REDUCED)
+        return dataclasses.replace(real(*arguments, **words), status=marble.Status.ALMOST_SOLVED)
 
     with mock.patch.object(owner, name, almost), one_warning_of_almost(test):
         yield

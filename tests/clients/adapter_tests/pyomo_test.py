@@ -195,7 +195,7 @@ class Pyomo(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder, local_and_remote(pathlib.Path(folder)) as clients:
             for client in clients:
                 m = qpec()
-                with pyo.SolverFactory("marble_persistent", server=client, options={"small_budget": 0}) as one:
+                with pyo.SolverFactory("marble_persistent", server=client, options={"max_small_problem_nodes": 0}) as one:
                     one.set_instance(m)
                     one.solve()
                     before = one.answer.problem
@@ -270,7 +270,7 @@ class Pyomo(unittest.TestCase):
                 m.two = Disjunction(expr=[m.y >= -5, m.x >= 5])
                 m.cost = pyo.Objective(expr=(m.x - target[0]) ** 2 + (m.y - target[1]) ** 2)
                 pyo.TransformationFactory("marble.pairs").apply_to(m)
-                solve(m, options={"global": proof})
+                solve(m, options={"global_search": proof})
                 with self.subTest(chosen):
                     self.assertLess(pyo.value(m.cost), best + 0.02)
                     marble.pyomo.choose(m)
@@ -334,7 +334,7 @@ class Pyomo(unittest.TestCase):
 
     def test_options_limits_and_ends_are_reported_in_its_words(self):
         m = qpec()
-        one = solver(options={"global": True, "gap_tolerance": 1e-3})
+        one = solver(options={"global_search": True, "relative_gap_tolerance": 1e-3})
         one.solve(m)
         self.assertTrue(one.answer.proved)
         limited = solver().solve(m, options={"path": "paper", "polish": False, "max_iterations": 2})

@@ -140,7 +140,7 @@ TEST_F(BatchLoss, ASourceMayWaitForTheAnswersThatWereLost) {
   EXPECT_EQ(tags, (std::vector<std::int64_t>{1, 2}));
 }
 
-TEST_F(BatchLoss, WhereNobodyComesBackEveryTagIsTold) {
+TEST_F(BatchLoss, WhereNobodyComesBackEveryTagIsReported) {
   start();
   const Client client = Client::connect(servers_[0]->address()).value();
   std::vector<BatchProblem> batch;
@@ -180,7 +180,7 @@ TEST_F(BatchLoss, AStopTokenEndsTheWaiting) {
   EXPECT_EQ(done.error().code, ErrorCode::cancelled);
 }
 
-TEST_F(BatchLoss, WhatHasNoRoomIsSentAgainAndWhatNeverHasIsTold) {
+TEST_F(BatchLoss, WhatHasNoRoomIsSentAgainAndWhatNeverHasIsReported) {
   servers_.push_back(std::make_unique<ServerProcess>(
       MARBLE_SERVER_BINARY,
       std::vector<std::string>{"--workers", "1", "--client-queued", "1", "--queue-bytes", "4096"}));

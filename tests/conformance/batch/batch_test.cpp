@@ -58,7 +58,7 @@ TEST_F(BatchTest, ABadProblemIsAnErrorOfItsOwn) {
   EXPECT_EQ(fields, (std::map<std::int64_t, std::string>{{1, "g"}, {2, "request_id"}, {3, "solved"}}));
 }
 
-TEST_F(BatchTest, AStopTokenGivesAllOfItUpAndEveryTagIsTold) {
+TEST_F(BatchTest, AStopTokenGivesAllOfItUpAndEveryTagIsReported) {
   const v1::SolveRequest request = long_request();
   const Options options = options_of(request.options()).value();
   std::stop_source source;

@@ -294,7 +294,7 @@ func TestProductionEncryptsKnowsCallersAndScales(t *testing.T) {
 	found := build(t, "production")
 	whole, container := deployment(t, found)
 	arguments := strings.Join(container.Args, " ")
-	for _, wanted := range []string{"--insecure=false", "--anyone=false", "--tls-certificate=", "--tls-key=", "--tokens="} {
+	for _, wanted := range []string{"--insecure=false", "--allow-anonymous=false", "--tls-certificate=", "--tls-key=", "--tokens="} {
 		if !strings.Contains(arguments, wanted) {
 			t.Errorf("%s is missing", wanted)
 		}

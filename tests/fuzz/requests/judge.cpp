@@ -39,7 +39,7 @@ bool may_be_infinite(std::string_view field) {
 bool may_overflow(std::string_view field) {
   static constexpr std::string_view kSums[] = {"marble.v1.Solution.objective",
                                                "marble.v1.Solution.kkt_residual",
-                                               "marble.v1.Solution.cold_objective",
+                                               "marble.v1.Solution.reference_objective",
                                                "marble.v1.Violations.equality",
                                                "marble.v1.Violations.inequality",
                                                "marble.v1.Violations.complementarity",
@@ -244,7 +244,7 @@ void expect_optimal(const ProblemView& p, const Options& options, const Solution
                                      options.complementarity_tolerance, options.stationarity_tolerance});
   if (!is_solved(x.status) || tolerance > 1e-5) return;
   FUZZ_JUDGE(x.objective >= best->objective - rough);
-  const double gap = options.gap_tolerance * std::max(1.0, std::abs(x.objective));
+  const double gap = options.relative_gap_tolerance * std::max(1.0, std::abs(x.objective));
   if (x.proved && x.status == Status::solved) FUZZ_JUDGE_AT_MOST(x.objective, best->objective + gap + rough);
 }
 
@@ -326,7 +326,7 @@ void judge_request(const v1::SolveRequest& request, const Options& options, cons
     if (answer.scenarios().scenarios() == 0) return;
     ScenarioProblem scenarios;
     scenarios.base = view_of(request.problem());
-    FUZZ_JUDGE(take_worlds(request.scenarios(), scenarios).has_value());
+    FUZZ_JUDGE(take_scenarios(request.scenarios(), scenarios).has_value());
     const auto level = assemble_scenarios(scenarios, answer.scenarios().scenarios());
     FUZZ_JUDGE(level.has_value());
     v1::Solution of_level = answer;  // its status may be that of a later level

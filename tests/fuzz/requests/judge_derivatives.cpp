@@ -247,7 +247,7 @@ void judge_derivatives(const ProblemView& view, const v1::SensitivityRequest& re
   FUZZ_JUDGE(answer.has_sensitivity());
   const v1::Sensitivity& reported = answer.sensitivity();
   if (reported.has_error()) return;
-  FUZZ_JUDGE(answer.status() == v1::STATUS_SOLVED || answer.status() == v1::STATUS_SOLVED_REDUCED);
+  FUZZ_JUDGE(answer.status() == v1::STATUS_SOLVED || answer.status() == v1::STATUS_ALMOST_SOLVED);
   FUZZ_JUDGE(reported.changes().holds_size() == request.directions().count());
   if (!is_friendly(view) || !is_exact(view, answer)) return;
   const Parts p = parts_of(view);

@@ -172,13 +172,13 @@ void make_options(Draw& draw, v1::SolveOptions* o) {
   if (draw.chance(20)) o->set_global(true);
   if (draw.chance(10)) o->set_starts(draw.between(1, 4));
   if (draw.chance(10)) o->set_polish(draw.chance(50));
-  if (draw.chance(10)) o->set_local_search_budget(draw.between(0, 100));
-  if (draw.chance(10)) o->set_small_budget(draw.between(0, 30));
-  if (draw.chance(10)) o->set_feasibility_budget(draw.between(0, 50));
+  if (draw.chance(10)) o->set_max_local_search_factorizations(draw.between(0, 100));
+  if (draw.chance(10)) o->set_max_small_problem_nodes(draw.between(0, 30));
+  if (draw.chance(10)) o->set_max_feasibility_factorizations(draw.between(0, 50));
   if (draw.chance(10)) o->set_node_limit(draw.between(1, 30));
   if (draw.chance(10)) o->set_scaling_passes(draw.between(0, 20));
   if (draw.chance(10)) o->set_max_iterations(draw.between(0, 50));
-  if (draw.chance(5)) o->set_gap_tolerance(0.5 * draw.between(0, 1));
+  if (draw.chance(5)) o->set_relative_gap_tolerance(0.5 * draw.between(0, 1));
   if (draw.chance(5)) o->set_equality_tolerance(draw.chance(50) ? 1e-9 : 0.1);
   if (draw.chance(5)) o->set_complementarity_tolerance(draw.chance(50) ? 1e-9 : 0.1);
   if (draw.chance(5)) o->set_stationarity_tolerance(draw.chance(50) ? 1e-10 : 0.1);
@@ -356,12 +356,13 @@ v1::SolveRequest make_scenarios(Draw& draw) {
   } else {
     make_sampler(p, draw, s.mutable_sampler());
   }
-  if (draw.chance(40)) s.set_first_scenarios(draw.between(1, 3));
-  s.set_most_scenarios(draw.between(static_cast<int>(std::max<std::int64_t>(1, s.first_scenarios())), 6));
-  s.set_fresh_scenarios(draw.between(0, 4));
+  if (draw.chance(40)) s.set_initial_sample_size(draw.between(1, 3));
+  s.set_max_sample_size(
+      draw.between(static_cast<int>(std::max<std::int64_t>(1, s.initial_sample_size())), 6));
+  s.set_out_of_sample_scenarios(draw.between(0, 4));
   if (draw.chance(20)) s.set_growth(1.5 + static_cast<double>(draw.between(0, 2)));
   if (draw.chance(20)) s.set_tolerance(0.1 * static_cast<double>(draw.between(0, 2)));
-  if (draw.chance(20)) s.set_least_scenarios(draw.between(1, 3));
+  if (draw.chance(20)) s.set_min_sample_size(draw.between(1, 3));
   return request;
 }
 
@@ -375,8 +376,8 @@ v1::SolveRequest make_coupled(Draw& draw) {
     for (int j = 0; j < n; ++j) c.mutable_pieces()->add_stages(j * stages / n);
     c.mutable_pieces()->set_pieces(draw.between(1, std::min(stages, 4)));
     if (draw.chance(30))
-      c.mutable_pieces()->set_look_ahead(draw.chance(70) ? draw.between(-1, 3)
-                                                         : static_cast<std::int32_t>(draw.hostile_integer()));
+      c.mutable_pieces()->set_overlap(draw.chance(70) ? draw.between(-1, 3)
+                                                      : static_cast<std::int32_t>(draw.hostile_integer()));
   } else {
     const int rows = draw.between(0, 3);
     Values total(static_cast<std::size_t>(rows));

@@ -42,9 +42,9 @@ void limit_budgets(v1::SolveOptions* o) {
 #define MARBLE_LIMIT(name, most) \
   if (exceeds(o->has_##name(), o->name(), most)) o->set_##name(most);
   MARBLE_LIMIT(max_iterations, 150)
-  MARBLE_LIMIT(local_search_budget, 60)
-  MARBLE_LIMIT(feasibility_budget, 60)
-  MARBLE_LIMIT(small_budget, 30)
+  MARBLE_LIMIT(max_local_search_factorizations, 60)
+  MARBLE_LIMIT(max_feasibility_factorizations, 60)
+  MARBLE_LIMIT(max_small_problem_nodes, 30)
   MARBLE_LIMIT(node_limit, 40)
 #undef MARBLE_LIMIT
   if (o->starts() > 3) o->set_starts(3);

@@ -114,7 +114,7 @@ TEST(NonlinearPoles, AZeroStepIsSolvedOnlyWhereTheKktResidualIsWithinItsToleranc
     return answer->status;
   };
   EXPECT_EQ(status_of(1e-7, 1e6), Status::solved);
-  EXPECT_EQ(status_of(5e-5, 1e6), Status::solved_reduced);
+  EXPECT_EQ(status_of(5e-5, 1e6), Status::almost_solved);
   EXPECT_EQ(status_of(1.0, 1e15), Status::numerical_failure);
 }
 

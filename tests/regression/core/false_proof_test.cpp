@@ -4,7 +4,7 @@
 //
 // The residual of a certificate was compared with its gap, so that large numbers made anything a proof; and a
 // direction's curvature with 1e-6, whatever the size of the numbers. Now a certificate is given only where
-// what is left of it is rounding of its own products, and tells how far it holds.
+// what is left of it is rounding of its own products, and limits how far it holds.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -75,7 +75,7 @@ TEST(FalseProof, ARayWithoutAFeasiblePointIsNotUnbounded) {
   EXPECT_NE(solved(p).status, Status::unbounded);
 }
 
-double radius_told(const std::string& detail) {
+double radius_reported(const std::string& detail) {
   const std::size_t at = detail.find("|z| <= ");
   return at == std::string::npos ? 0.0 : std::strtod(detail.c_str() + at + 7, nullptr);
 }
@@ -127,8 +127,8 @@ TEST(FalseProof, CertificatesOfInfeasibilityHoldInExactArithmetic) {
       EXPECT_LE(std::abs(entry), 0x1p-44L * size) << seed << ": more than rounding";
       left += std::abs(entry);
     }
-    EXPECT_GT(radius_told(s.detail), 1e6) << s.detail;
-    EXPECT_LE(radius_told(s.detail) * left, gap * 1.1L) << seed << ": " << s.detail;
+    EXPECT_GT(radius_reported(s.detail), 1e6) << s.detail;
+    EXPECT_LE(radius_reported(s.detail) * left, gap * 1.1L) << seed << ": " << s.detail;
   }
   EXPECT_GE(proved, kSeeds - 3);
 }

@@ -19,7 +19,7 @@ TEST(FarAnswer, OfARayIsItsNearEnd) {
                              .optimum(-9.680555555555555)
                              .problem;
   Options options;
-  options.global = true;
+  options.global_search = true;
   const Solution s = solve_in_process(p.view(), options).value();
   EXPECT_EQ(s.status, Status::solved);
   EXPECT_NEAR(s.objective, -9.680555555555555, 1e-9);

@@ -16,7 +16,7 @@ namespace {
 
 // ½(x₁ − 3)² + ½(x₂ − 4)² + ½‖y‖², 0 ≤ xᵢ ⊥ yᵢ ≥ 0, y₁ + y₂ ≥ 0.1: x = (3, 0) is a local optimum that no flip
 // leaves. At κ = 10⁻² the path is feasible to loose tolerances and clearly lower than any branch. A pair u ≥
-// 1 ⊥ v makes a start with u = 0 one to be mended.
+// 1 ⊥ v makes a start with u = 0 one to be restored.
 OwnedProblem lower_path() {
   OwnedProblem p;
   p.name = "a path lower than its branch";
@@ -42,7 +42,7 @@ TEST(LostAnswer, OnceThereIsOneMoreIterationsNeverLoseIt) {
   start.inequality_multipliers.resize(2);
   start.complementarity_multipliers_L.resize(3);
   start.complementarity_multipliers_R.resize(3);
-  start.cold_objective = -1e30;  // whatever the warm start gives, a cold one is to try as well
+  start.reference_objective = -1e30;  // whatever the warm start gives, a cold one is to try as well
   double before = std::numeric_limits<double>::infinity();
   for (int limit = 0; limit <= 40; ++limit) {
     Options options;

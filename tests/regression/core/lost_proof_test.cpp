@@ -1,5 +1,5 @@
-// With `global` bard1, ex9_2_1 and ex9_2_7 ended "not proved: bound 2" at their optimum of 17, no node open.
-// Documented: all of MacMPEC is proved.
+// With `global_search` bard1, ex9_2_1 and ex9_2_7 ended "not proved: bound 2" at their optimum of 17, no node
+// open. Documented: all of MacMPEC is proved.
 //
 // A proximal step that reaches a row is not one along what is flat. It was lengthened all the same, by its
 // curvature, which was rounding: to points of size 1e15, where no bound was left.
@@ -13,7 +13,7 @@ namespace {
 
 TEST(LostProof, OfSmallConvexProblemsAllAreProved) {
   Options options;
-  options.global = true;
+  options.global_search = true;
   int convex = 0;
   for (const auto& problems : {testing::small_problems(), testing::known_problems()}) {
     for (const auto& [problem, optimum] : problems) {

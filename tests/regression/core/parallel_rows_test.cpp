@@ -1,5 +1,5 @@
 // A convex QP with two equalities of condition number 4e4 ended as locally_infeasible, and others with rows
-// within 1e-4 to 1e-7 of parallel as solved_reduced or solved with z off by 0.1 to 2.
+// within 1e-4 to 1e-7 of parallel as almost_solved or solved with z off by 0.1 to 2.
 //
 // All engines hold rows at zero by a penalty of at most 1e8, and rows within e of parallel need multipliers
 // of 1/e². Where these engines fail, or have not converged while rows are nearly parallel, small problems are
@@ -126,7 +126,7 @@ TEST(ParallelRows, ProblemsTooLargeForDenseFactorsNameTheRows) {
   p.A = sparse(rows);
   p.b = values(random_matrix(engine, 6, 1));
   const Solution solution = solve(p);
-  if (is_solved(solution.status) && solution.status != Status::solved_reduced) return;
+  if (is_solved(solution.status) && solution.status != Status::almost_solved) return;
   EXPECT_NE(solution.status, Status::infeasible);
   EXPECT_THAT(solution.detail,
               ::testing::HasSubstr("ill-conditioned rows A[1] and A[4]: parallel to within"));

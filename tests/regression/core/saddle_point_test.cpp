@@ -94,7 +94,7 @@ TEST(SaddlePoint, OrMaximumInABoxIsLeft) {
   expect_minimum(p, -18.0, "many directions");
 }
 
-TEST(SaddlePoint, IsToldFromAMinimumByTheConeNotByItsHull) {
+TEST(SaddlePoint, IsReportedFromAMinimumByTheConeNotByItsHull) {
   OwnedProblem p = quadratic(two(0.0, 1.0, 0.0));
   p.C = sparse(Eigen::Matrix2d::Identity());
   p.d = {0.0, 0.0};
@@ -115,7 +115,7 @@ TEST(SaddlePoint, IsSaidToBeOneWhereItIsNotLeft) {
   p.d = {0.0};
   p.initial_z = {0.0};
   Options options;
-  options.local_search_budget = 0;  // nothing is searched
+  options.max_local_search_factorizations = 0;  // nothing is searched
   for (const bool polish : {false, true}) {
     options.polish = polish;
     const Solution s = solved(p, options);

@@ -51,7 +51,7 @@ void expect_unbounded(const OwnedProblem& p, const Options& options) {
 
 TEST(UnboundedBranch, IsFoundAndCertified) {
   Options global;
-  global.global = true;
+  global.global_search = true;
   for (const OwnedProblem& p : {falls_from_the_corner(), falls_elsewhere(), falls_beside_an_empty_side()}) {
     expect_unbounded(p, {});
     expect_unbounded(p, global);
@@ -60,7 +60,7 @@ TEST(UnboundedBranch, IsFoundAndCertified) {
 
 TEST(UnboundedBranch, IsFoundFromTheBranchesOfAPointAlone) {
   Options alone;
-  alone.small_budget = 0;
+  alone.max_small_problem_nodes = 0;
   expect_unbounded(falls_from_the_corner(), alone);
 }
 

@@ -1,8 +1,8 @@
 // One file that is too large among others ended `marble solve` with 3, "server unreachable", though no server
 // was asked; a Matrix Market file of 60 bytes took 8.4 GB before it was refused.
 //
-// Memory that is not there was told apart from a server's refusal by nothing; sizes in headers were allocated
-// as they stood.
+// Memory that is not there could not be distinguished from a server's refusal; sizes in headers were
+// allocated as they stood.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -50,11 +50,12 @@ TEST(FileMemory, ATooLargeFileIsABadFileAndTheOthersAreSolved) {
                            folder.file("last.json") + "'"},
                       out);
   EXPECT_EQ(marble.wait(), 2);
-  const std::string told = read_file(out);
-  EXPECT_NE(told.find("large.json: is too large for the memory there is"), std::string::npos) << told;
+  const std::string reported = read_file(out);
+  EXPECT_NE(reported.find("large.json: is too large for the memory there is"), std::string::npos) << reported;
   std::size_t solved = 0;
-  for (std::size_t at = 0; (at = told.find("\"status\":\"solved\"", at)) != std::string::npos; ++at) ++solved;
-  EXPECT_EQ(solved, 2U) << told;
+  for (std::size_t at = 0; (at = reported.find("\"status\":\"solved\"", at)) != std::string::npos; ++at)
+    ++solved;
+  EXPECT_EQ(solved, 2U) << reported;
 }
 
 }  // namespace

@@ -1,7 +1,7 @@
 // `marble convert broken.mat x.pb` ended with a segmentation fault, or took all memory of the machine.
 //
 // The reader of .mat files trusted what the file says: jc and ir of a sparse matrix were read and written
-// with as they stood, and libmatio allocated whatever sizes it was told.
+// with as they stood, and libmatio allocated whatever sizes the file named.
 #include <gtest/gtest.h>
 #include <matio.h>
 

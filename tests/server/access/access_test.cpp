@@ -85,7 +85,7 @@ TEST(Access, AnUnknownCallerIsRefusedWhateverItsRole) {
   }
 }
 
-TEST(Access, ACertificateSolvesAndObservesUnlessToldOtherwise) {
+TEST(Access, ACertificateSolvesAndObservesUnlessReportedOtherwise) {
   Config config = config_with_certificates();
   config.clients["operator"].roles = Roles{Role::admin};
   const Access access(config);
@@ -124,7 +124,7 @@ TEST(Access, AClientsQuotaIsTheDefaultWhereItHasNoneOfItsOwn) {
   EXPECT_EQ(access.quota_of("planner").priority, Priority::interactive);
 }
 
-TEST(Access, AClientHasAQuarterOfPlacesSessionsAndWatchersUnlessToldOtherwise) {
+TEST(Access, AClientHasAQuarterOfPlacesSessionsAndWatchersUnlessReportedOtherwise) {
   Config config;
   config.queue_jobs = 80;
   config.sessions = 3;

@@ -46,7 +46,7 @@ TEST(Tokens, ANewOneIsFoundAmongOthersAndOnlyByItsSecret) {
   EXPECT_EQ(find_token({}, first->secret), nullptr);
 }
 
-TEST(Tokens, EveryFaultyLineIsTold) {
+TEST(Tokens, EveryFaultyLineIsReported) {
   const std::string good = kLine;
   const std::string hash = good.substr(good.rfind(' ') + 1);
   EXPECT_EQ(faulty_lines(good + "\n" +                      //

@@ -32,7 +32,8 @@ TEST(TraceContext, TakesWhatItKnowsOfALaterVersion) {
   for (const char* more : {"", "-", "-what-the-future-will-be-like", "-00"}) {
     const auto trace = parse_traceparent("cc-" + kIds + "-01" + more, kSpan);
     ASSERT_TRUE(trace) << more;
-    EXPECT_EQ(to_traceparent(*trace), "00-" + kTrace + "-" + kSpan + "-01") << "told in the version it knows";
+    EXPECT_EQ(to_traceparent(*trace), "00-" + kTrace + "-" + kSpan + "-01")
+        << "reported in the version it knows";
   }
   EXPECT_FALSE(parse_traceparent("cc-" + kIds + "-01.what", kSpan));
   EXPECT_FALSE(parse_traceparent("cc-" + kIds + "-0", kSpan));

@@ -114,7 +114,7 @@ TEST_F(Config, ListenMayBeOneText) {
   EXPECT_EQ(load_file("listen = \"127.0.0.1:7\"\n")->listen, std::vector<std::string>{"127.0.0.1:7"});
 }
 
-TEST_F(Config, TellsEveryFaultWithItsLineAndKey) {
+TEST_F(Config, ReportsEveryFaultWithItsLineAndKey) {
   const std::vector<std::string> expected = {
       "1: workers = 5000: must be in [0, 1024]",
       "2: queue_jobz: is not a setting",
@@ -151,7 +151,7 @@ TEST_F(Config, TellsEveryFaultWithItsLineAndKey) {
             expected);
 }
 
-TEST_F(Config, TellsWhatIsNoToml) {
+TEST_F(Config, ReportsWhatIsNoToml) {
   EXPECT_EQ(faults("workers = 1\nworkers = 2\n").size(), 1U);
   EXPECT_EQ(faults("workers = 1\n\nworkers 2\n").at(0).rfind("3: ", 0), 0U);
   EXPECT_EQ(faults("solver = 1\n"), std::vector<std::string>{"1: solver: must be a table"});

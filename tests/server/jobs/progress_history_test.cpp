@@ -42,7 +42,7 @@ TEST(ProgressHistory, WithoutATraceThereAreOnlyRecentRows) {
   EXPECT_EQ(history.read(cursor).rows.size(), 7U);
 }
 
-TEST(ProgressHistory, AReaderGetsEachRowOnceOrIsToldHowManyItMissed) {
+TEST(ProgressHistory, AReaderGetsEachRowOnceOrIsReportedHowManyItMissed) {
   ProgressHistory history(10);
   std::int64_t cursor = 0, seen = 0, skipped = 0;
   int next = 0;

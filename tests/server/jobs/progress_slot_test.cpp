@@ -73,7 +73,7 @@ TEST(ProgressSlot, LosesNothingUncountedBetweenTwoThreads) {
   std::thread worker([&] {
     for (int i = 0; i < kRows; ++i) put(slot, i, i % 100 == 0);
   });
-  std::int64_t told = 0, skipped = 0;
+  std::int64_t reported = 0, skipped = 0;
   int last = -1;
   while (last != kRows - 1) {
     const auto taken = slot.take();
@@ -81,11 +81,11 @@ TEST(ProgressSlot, LosesNothingUncountedBetweenTwoThreads) {
       EXPECT_GT(row.iteration, last);
       last = row.iteration;
     }
-    told += static_cast<std::int64_t>(taken.rows.size());
+    reported += static_cast<std::int64_t>(taken.rows.size());
     skipped = taken.skipped;
   }
   worker.join();
-  EXPECT_EQ(told + skipped, kRows);
+  EXPECT_EQ(reported + skipped, kRows);
 }
 
 TEST(ProgressSlot, AFirstRowIsDueAtOnceAndThoseSoonAfterItTogether) {

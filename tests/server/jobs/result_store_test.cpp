@@ -20,7 +20,7 @@ const Clock::time_point kStart = Clock::time_point() + seconds(1000);
 
 TEST(ResultStore, KeepsWhatIsExpectedAndNothingElse) {
   ResultStore store({seconds(10), 10'000});
-  EXPECT_FALSE(store.put("stranger", text(1), kStart));
+  EXPECT_FALSE(store.put("unauthenticated", text(1), kStart));
   expect(store, "job", "client");
   EXPECT_EQ(store.owner("job"), "client");
   EXPECT_EQ(store.get("job"), nullptr);
@@ -128,13 +128,14 @@ TEST(ResultStore, CallsBackOnceWhoeverWaits) {
   EXPECT_EQ(nothing, 1);
 }
 
-TEST(ResultStore, WhoeverWaitsForWhatIsLetGoIsTold) {
+TEST(ResultStore, WhoeverWaitsForWhatIsLetGoIsReported) {
   ResultStore store({seconds(10), 10'000});
   expect(store, "job", "client");
-  int told = 0;
-  store.wait("job", &told, [&](const ResultStore::Shared& result) { told += result == nullptr ? 1 : 100; });
+  int reported = 0;
+  store.wait("job", &reported,
+             [&](const ResultStore::Shared& result) { reported += result == nullptr ? 1 : 100; });
   EXPECT_TRUE(store.forget("job"));
-  EXPECT_EQ(told, 1);
+  EXPECT_EQ(reported, 1);
 }
 
 // What makes a submission that is sent again the same job.
@@ -152,7 +153,7 @@ TEST(ResultStore, ARequestIdIsOneJobUntilItIsLetGo) {
   EXPECT_EQ(store.expect("fifth", "client", {"mine", "another"}).value(), "fifth");
 }
 
-TEST(ResultStore, TellsOfEachThatIsLetGo) {
+TEST(ResultStore, ReportsOfEachThatIsLetGo) {
   std::vector<std::string> gone;
   ResultStore store({seconds(10), 4000}, [&](const std::string& id) { gone.push_back(id); });
   for (const char* id : {"a", "b", "c", "d"}) {

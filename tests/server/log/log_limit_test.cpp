@@ -25,11 +25,11 @@ class LogLimitTest : public ::testing::Test {
     for (int i = 0; i < lines; ++i) {
       const auto verdict = limit_.ask(event, client, now_);
       result += verdict.passes ? 1 : 0;
-      told_ += verdict.suppressed;
+      reported_ += verdict.suppressed;
     }
     return result;
   }
-  std::int64_t untold() {
+  std::int64_t unreported() {
     std::int64_t lines = 0;
     for (const auto& one : limit_.take_all()) lines += one.lines;
     return lines;
@@ -37,7 +37,7 @@ class LogLimitTest : public ::testing::Test {
 
   LogLimit limit_;
   LogLimit::Time now_{std::chrono::hours(1)};
-  std::int64_t told_ = 0;
+  std::int64_t reported_ = 0;
 };
 
 TEST_F(LogLimitTest, LetsThroughASecondsWorthAtOnceAndThenTheRate) {
@@ -48,7 +48,7 @@ TEST_F(LogLimitTest, LetsThroughASecondsWorthAtOnceAndThenTheRate) {
   EXPECT_EQ(passing(kRefused, "a", 1000), 10) << "a long silence saves no more than a second's worth";
 }
 
-TEST_F(LogLimitTest, TheNextLineThatPassesTellsHowManyDidNot) {
+TEST_F(LogLimitTest, TheNextLineThatPassesReportsHowManyDidNot) {
   EXPECT_EQ(passing(kRefused, "a", 25), 10);
   now_ += milliseconds(100);
   const auto next = limit_.ask(kRefused, "a", now_);
@@ -64,14 +64,14 @@ TEST_F(LogLimitTest, AFloodTakesNothingFromOtherClientsAndOtherEvents) {
   EXPECT_EQ(passing(kJob, "flood", 10), 10);
 }
 
-TEST_F(LogLimitTest, WhatWasHeldBackIsToldAfterAQuietSecond) {
+TEST_F(LogLimitTest, WhatWasHeldBackIsReportedAfterAQuietSecond) {
   passing(kRefused, "a", 30);
   EXPECT_TRUE(limit_.take_quiet(now_ + milliseconds(999)).empty());
-  const auto told = limit_.take_quiet(now_ + seconds(1));
-  ASSERT_EQ(told.size(), 1U);
-  EXPECT_EQ(told[0].client, "a");
-  EXPECT_STREQ(told[0].event.name, "refused");
-  EXPECT_EQ(told[0].lines, 20);
+  const auto reported = limit_.take_quiet(now_ + seconds(1));
+  ASSERT_EQ(reported.size(), 1U);
+  EXPECT_EQ(reported[0].client, "a");
+  EXPECT_STREQ(reported[0].event.name, "refused");
+  EXPECT_EQ(reported[0].lines, 20);
   EXPECT_TRUE(limit_.take_quiet(now_ + seconds(9)).empty()) << "once";
 }
 
@@ -79,7 +79,7 @@ TEST_F(LogLimitTest, AClientWithANewNameEachTimeGetsNoFurtherThanTwenty) {
   int passed = 0;
   for (int i = 0; i < 50'000; ++i) passed += passing(kRefused, "name " + std::to_string(i), 1);
   EXPECT_EQ(passed, 200);
-  EXPECT_EQ(passed + told_ + untold(), 50'000) << "forgotten clients' lines are counted too";
+  EXPECT_EQ(passed + reported_ + unreported(), 50'000) << "forgotten clients' lines are counted too";
 }
 
 TEST_F(LogLimitTest, AddsUpWhateverComes) {
@@ -91,17 +91,17 @@ TEST_F(LogLimitTest, AddsUpWhateverComes) {
     passed += passing(i % 2 == 0 ? kRefused : kJob, std::to_string(i * 31 % 1500), lines);
     asked += lines;
     if (i % 100 == 0) {
-      for (const auto& one : limit_.take_quiet(now_)) told_ += one.lines;
+      for (const auto& one : limit_.take_quiet(now_)) reported_ += one.lines;
     }
   }
   EXPECT_LT(passed, asked);
-  EXPECT_EQ(passed + told_ + untold(), asked);
+  EXPECT_EQ(passed + reported_ + unreported(), asked);
 }
 
 TEST_F(LogLimitTest, ZeroIsNoLimit) {
   limit_.set_rate(0.0);
   EXPECT_EQ(passing(kRefused, "a", 10'000), 10'000);
-  EXPECT_EQ(untold(), 0);
+  EXPECT_EQ(unreported(), 0);
 }
 
 TEST_F(LogLimitTest, LessThanALineASecondIsOneNowAndThen) {
@@ -132,7 +132,7 @@ LogLevel level(const LogLevels& levels, Component component) {
   return levels[static_cast<std::size_t>(component)];
 }
 
-TEST(LogLevels, HoldForAllComponentsButThoseToldApart) {
+TEST(LogLevels, HoldForAllComponentsButThoseReportedApart) {
   const auto levels = log_levels_of("warn", "session=debug, grpc = off");
   ASSERT_TRUE(levels);
   EXPECT_EQ(level(*levels, Component::session), spdlog::level::debug);
@@ -150,7 +150,7 @@ TEST(LogLevels, AFaultNamesWhatIsWrong) {
             "log_levels = session=shout: must be one of debug, info, warn, error, off");
   EXPECT_EQ(fault("debug"), "log_levels = debug: must be COMPONENT=LEVEL");
   EXPECT_EQ(fault("job=info,"), "log_levels: must be COMPONENT=LEVEL");
-  EXPECT_EQ(fault("job=info,job=warn"), "log_levels = job: must be told once");
+  EXPECT_EQ(fault("job=info,job=warn"), "log_levels = job: must be given once");
 }
 
 }  // namespace

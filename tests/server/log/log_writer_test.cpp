@@ -62,14 +62,14 @@ TEST_F(LogWriterTest, BeyondItsBoundItDropsAndCounts) {
   for (int i = 0; i < 1000; ++i) writer.put(line + "\n", 0);
   EXPECT_GE(writer.dropped(), 800);  // a pipe holds 64 KiB
   EXPECT_TRUE(writer.backlog().stalls);
-  EXPECT_EQ(writer.backlog().untold, writer.dropped());
+  EXPECT_EQ(writer.backlog().unreported, writer.dropped());
   const auto written = static_cast<std::size_t>(1000 - writer.dropped());
   EXPECT_EQ(read_bytes(1000 * written).size(), 1000 * written);
   EXPECT_TRUE(eventually([&] { return !writer.backlog().stalls; }));
-  writer.put("told\n", writer.backlog().untold);
-  EXPECT_EQ(writer.backlog().untold, 0);
+  writer.put("reported\n", writer.backlog().unreported);
+  EXPECT_EQ(writer.backlog().unreported, 0);
   EXPECT_GT(writer.dropped(), 0) << "since the beginning";
-  EXPECT_EQ(read_bytes(5), "told\n");
+  EXPECT_EQ(read_bytes(5), "reported\n");
 }
 
 TEST_F(LogWriterTest, LinesOfAnyLengthAndADescriptorThatDoesNotBlock) {
@@ -90,7 +90,7 @@ TEST_F(LogWriterTest, WhatCannotBeWrittenCountsAsDropped) {
   LogWriter writer(full, 1 << 20);
   writer.put("one\ntwo\n", 0);
   EXPECT_TRUE(eventually([&] { return writer.dropped() == 2; }));
-  EXPECT_TRUE(writer.backlog().stalls) << "whoever tells of it would lose that line too";
+  EXPECT_TRUE(writer.backlog().stalls) << "a line about it would be lost that line too";
   close(full);
 }
 

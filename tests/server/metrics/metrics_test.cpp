@@ -72,18 +72,18 @@ class MetricsTest : public ::testing::Test {
   const std::unique_ptr<Submissions> submissions_ = LocalSubmissions::begin(parts_, nullptr).value();
 };
 
-TEST_F(MetricsTest, EveryMetricOfTheTableIsToldWithHelpAndType) {
+TEST_F(MetricsTest, EveryMetricOfTheTableIsReportedWithHelpAndType) {
   const auto interceptors = rpc_interceptors(metrics_.registry());
   metrics_.job_ended(counted_of(job_of("planner"), solved()));
-  const std::string told = text();
+  const std::string reported = text();
   for (const MetricInfo& metric : metric_table()) {
-    EXPECT_NE(told.find("# HELP " + metric.name + " "), std::string::npos) << metric.name;
+    EXPECT_NE(reported.find("# HELP " + metric.name + " "), std::string::npos) << metric.name;
     const std::string type = "# TYPE " + metric.name + " " + type_of(metric.kind) + "\n";
-    EXPECT_NE(told.find(type), std::string::npos) << type;
+    EXPECT_NE(reported.find(type), std::string::npos) << type;
   }
 }
 
-TEST_F(MetricsTest, NothingIsToldThatIsNotInTheTable) {
+TEST_F(MetricsTest, NothingIsReportedThatIsNotInTheTable) {
   std::set<std::string> known;
   for (const MetricInfo& metric : metric_table()) known.insert(metric.name);
   EXPECT_EQ(known.size(), metric_table().size()) << "each has a name of its own";

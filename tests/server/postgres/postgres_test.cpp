@@ -1,4 +1,4 @@
-// A connection to a real PostgreSQL that dies at any moment: whoever waits is told within bounded time.
+// A connection to a real PostgreSQL that dies at any moment: the caller learns of it within bounded time.
 #include "postgres/postgres.h"
 
 #include <gtest/gtest.h>
@@ -31,7 +31,7 @@ class PostgresConnection : public ::testing::Test {
   PostgresProcess database_{MARBLE_POSTGRES_DIR};
 };
 
-TEST_F(PostgresConnection, OfAServerThatDiesIsToldAndClosedWhateverIsSent) {
+TEST_F(PostgresConnection, OfAServerThatDiesIsReportedAndClosedWhateverIsSent) {
   for (const std::size_t bytes : {0, 1'000, 40'000, 100'000, 2'000'000}) {
     for (const bool killed : {true, false}) {
       Postgres within = open(), idle = open(), later = open();
@@ -46,7 +46,7 @@ TEST_F(PostgresConnection, OfAServerThatDiesIsToldAndClosedWhateverIsSent) {
         Expected<void> written;
         ASSERT_TRUE(eventually([&] { return !(written = write(*connection, bytes)); })) << bytes;
         EXPECT_EQ(written.error().code, ErrorCode::unavailable);
-        EXPECT_FALSE(write(*connection, bytes)) << "and is told so again";
+        EXPECT_FALSE(write(*connection, bytes)) << "and reports so again";
       }
       EXPECT_TRUE(eventually([&] { return !later.wait(-1, std::chrono::milliseconds(10)); }));
       database_.start();
@@ -54,7 +54,7 @@ TEST_F(PostgresConnection, OfAServerThatDiesIsToldAndClosedWhateverIsSent) {
   }
 }
 
-TEST_F(PostgresConnection, OfAServerThatHangsIsToldAndClosed) {
+TEST_F(PostgresConnection, OfAServerThatHangsIsReportedAndClosed) {
   Postgres connection = open();
   const auto pid = connection.run("SELECT pg_backend_pid()::bigint");
   ASSERT_TRUE(pid);

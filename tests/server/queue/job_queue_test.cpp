@@ -12,7 +12,7 @@ namespace {
 using Queue = JobQueue<int>;
 using Time = Queue::Time;
 
-constexpr QueueLimits kWide{.workers = 1, .jobs = 1000, .bytes = 1'000'000, .passed_over = 32};
+constexpr QueueLimits kWide{.workers = 1, .jobs = 1000, .bytes = 1'000'000, .starvation_limit = 32};
 constexpr Quota kFree{};
 
 Time at(double time_s) {
@@ -81,18 +81,18 @@ TEST(JobQueue, AHigherPriorityGoesFirst) {
   EXPECT_EQ(run_all(queue), (std::vector{0, 1, 2}));
 }
 
-TEST(JobQueue, APriorityThatIsPassedOverTooOftenInARowGoesInBetween) {
-  Queue queue({.workers = 1, .jobs = 1000, .bytes = 1000, .passed_over = 3});
+TEST(JobQueue, APriorityThatIsStarvationLimitTooOftenInARowGoesInBetween) {
+  Queue queue({.workers = 1, .jobs = 1000, .bytes = 1000, .starvation_limit = 3});
   add(queue, 100, {.client = "b", .priority = Priority::batch});
   add(queue, 50, {.client = "i", .priority = Priority::interactive});
   for (int i = 0; i < 9; ++i) add(queue, i, {.client = "r", .priority = Priority::realtime});
   EXPECT_EQ(run_all(queue), (std::vector{0, 1, 2, 50, 100, 3, 4, 5, 6, 7, 8}));
 }
 
-TEST(JobQueue, APriorityThatIsPassedOverForTooLongGoesInBetween) {
+TEST(JobQueue, APriorityThatIsStarvationLimitForTooLongGoesInBetween) {
   using std::chrono::seconds;
   Queue queue(
-      {.workers = 1, .jobs = 1000, .bytes = 1000, .passed_over = 1000, .passed_over_time = seconds(3)});
+      {.workers = 1, .jobs = 1000, .bytes = 1000, .starvation_limit = 1000, .starvation_time = seconds(3)});
   add(queue, 50, {.client = "i", .priority = Priority::interactive});
   add(queue, 51, {.client = "i", .priority = Priority::interactive});
   for (int i = 0; i < 9; ++i) add(queue, i, {.client = "r", .priority = Priority::realtime});
@@ -107,7 +107,7 @@ TEST(JobQueue, APriorityThatIsPassedOverForTooLongGoesInBetween) {
 TEST(JobQueue, OneWhoIsServedNowAndThenDoesNotGetAhead) {
   // A tick that comes while a batch runs is next: the batch was served just before, so it was not passed
   // over.
-  Queue queue({.workers = 1, .jobs = 1000, .bytes = 1000, .passed_over = 2});
+  Queue queue({.workers = 1, .jobs = 1000, .bytes = 1000, .starvation_limit = 2});
   for (int i = 0; i < 20; ++i) add(queue, 100 + i, {.client = "flood", .priority = Priority::batch});
   for (int tick = 0; tick < 10; ++tick) {
     const auto batch = queue.pop();
@@ -220,7 +220,7 @@ TEST(JobQueue, TakesOutWhatCannotMeetItsDeadlineAnyMore) {
   EXPECT_EQ(run_all(queue), (std::vector{2}));
 }
 
-TEST(JobQueue, TellsWhatIsAheadAsItWillBeTaken) {
+TEST(JobQueue, ReportsWhatIsAheadAsItWillBeTaken) {
   Queue queue(kWide);
   std::vector<std::shared_ptr<int>> items;
   int number = 0;
@@ -228,19 +228,19 @@ TEST(JobQueue, TellsWhatIsAheadAsItWillBeTaken) {
     items.push_back(add(queue, number++, {.client = client}));
   items.push_back(add(queue, number++, {.client = "z", .priority = Priority::realtime}));
   items.push_back(add(queue, number++, {.client = "z", .priority = Priority::batch}));
-  std::vector<std::size_t> told;
+  std::vector<std::size_t> reported;
   queue.update_places();
   for (const auto& item : items) {
     const auto ahead = queue.ahead_of(item.get());
-    told.push_back(ahead[0] + ahead[1] + ahead[2]);
+    reported.push_back(ahead[0] + ahead[1] + ahead[2]);
   }
   const std::vector<int> order = run_all(queue);
   for (std::size_t place = 0; place < order.size(); ++place)
-    EXPECT_EQ(told[static_cast<std::size_t>(order[place])], place) << "job " << order[place];
+    EXPECT_EQ(reported[static_cast<std::size_t>(order[place])], place) << "job " << order[place];
 }
 
 // An estimate for who has just come: exact of the last in line while all others have as many, never too low.
-TEST(JobQueue, TellsOneThatHasJustComeNoLessThanWhatIsAhead) {
+TEST(JobQueue, ReportsOneThatHasJustComeNoLessThanWhatIsAhead) {
   std::mt19937 random(3);
   const auto pick = [&random](int most) { return std::uniform_int_distribution<int>(0, most)(random); };
   for (int trial = 0; trial < 50; ++trial) {
@@ -266,7 +266,7 @@ TEST_P(JobQueueProperty, KeepsItsPromisesWhateverComes) {
   std::mt19937 random(static_cast<unsigned>(GetParam()));
   const auto pick = [&random](int most) { return std::uniform_int_distribution<int>(0, most)(random); };
   const QueueLimits limits{
-      .workers = 1 + pick(2), .jobs = pick(12), .bytes = 40 + pick(60), .passed_over = 1 + pick(4)};
+      .workers = 1 + pick(2), .jobs = pick(12), .bytes = 40 + pick(60), .starvation_limit = 1 + pick(4)};
   const auto due = [&limits](const Ticket& t) { return std::min(t.deadline, t.arrival + limits.patience); };
   Queue queue(limits);
   const std::vector<std::string> names = {"a", "b", "c", "d"};
@@ -321,15 +321,15 @@ TEST_P(JobQueueProperty, KeepsItsPromisesWhateverComes) {
         if (other.client != taken->client || other.ticket.priority != taken->ticket.priority) continue;
         EXPECT_LE(std::pair(due(taken->ticket), *taken->item), std::pair(due(other.ticket), *other.item));
       }
-      // No starvation: an able client's best job is taken before everybody else had passed_over + 1 turns of
-      // each client at each priority.
+      // No starvation: an able client's best job is taken before everybody else had starvation_limit + 1
+      // turns of each client at each priority.
       for (Waiting& other : waiting) {
         const bool first = std::none_of(waiting.begin(), waiting.end(), [&](const Waiting& w) {
           return w.client == other.client && w.ticket.priority == other.ticket.priority &&
                  std::pair(due(w.ticket), *w.item) < std::pair(due(other.ticket), *other.item);
         });
         other.waited = first && able(other) ? other.waited + 1 : 0;
-        EXPECT_LE(other.waited, static_cast<int>(names.size()) * 3 * (limits.passed_over + 1));
+        EXPECT_LE(other.waited, static_cast<int>(names.size()) * 3 * (limits.starvation_limit + 1));
       }
       running.push_back(*taken);
       ++running_of[taken->client];

@@ -22,10 +22,12 @@ using testing::eventually;
 class Waiter final : public JobObserver {
  public:
   void started(double) override { started_.set_value(); }
-  void finished(Outcome outcome) override { outcome_.set_value(std::move(outcome)); }  // throws if told twice
+  void finished(Outcome outcome) override {
+    outcome_.set_value(std::move(outcome));
+  }  // throws if reported twice
   void wait_started() { started_.get_future().wait(); }
   Outcome wait() { return outcome_.get_future().get(); }
-  /// False if it was never told.
+  /// False if it was never reported.
   [[nodiscard]] bool waited() {
     return outcome_.get_future().wait_for(std::chrono::seconds(120)) == std::future_status::ready;
   }

@@ -27,9 +27,9 @@ TEST(Latencies, NothingAnsweredHasNone) {
 TEST(Latencies, AreRightToSixPercent) {
   Latencies latencies;
   for (int i = 1; i <= 1000; ++i) latencies.add(kBegin + milliseconds(10 * i), 1e-3 * i);
-  const auto told = latencies.quantiles(kBegin + seconds(11));
-  EXPECT_NEAR(told.median_s, 0.5, 0.03);
-  EXPECT_NEAR(told.p99_s, 0.99, 0.06);
+  const auto reported = latencies.quantiles(kBegin + seconds(11));
+  EXPECT_NEAR(reported.median_s, 0.5, 0.03);
+  EXPECT_NEAR(reported.p99_s, 0.99, 0.06);
 }
 
 TEST(Latencies, OldOnesAreForgottenAndAnExtremeOneHasABucket) {

@@ -76,13 +76,14 @@ TEST_F(StoreTest, GivesBackWhatItWasGiven) {
 TEST_F(StoreTest, ARequestThatIsToBeKeptStaysWithItsAnswerUntilItIsForgotten) {
   const auto store = open();
   store->add(job("a"), {});
-  store->finish({.id = "a", .job = "told", .keeps_request = true}, {});
+  store->finish({.id = "a", .job = "reported", .keeps_request = true}, {});
   ASSERT_TRUE(settled(*store).has_value());
   EXPECT_EQ(store->request_of("a").value(), job("a").request);
   const auto bytes = [&] {
-    std::int64_t told = 0;
-    EXPECT_TRUE(store->each_result([&](const StoredResult& one) { told = one.request_bytes; }).has_value());
-    return told;
+    std::int64_t reported = 0;
+    EXPECT_TRUE(
+        store->each_result([&](const StoredResult& one) { reported = one.request_bytes; }).has_value());
+    return reported;
   };
   EXPECT_EQ(bytes(), static_cast<std::int64_t>(job("a").request.size()));
   store->forget_request("a");
@@ -96,8 +97,8 @@ TEST_F(StoreTest, AnAnswerTakesTheRequestsPlace) {
   store->add(job("a"), {});
   store->add(job("b"), {});
   store->cancel("b");
-  store->finish({.id = "a", .job = "told", .answer = std::string("x\0y", 3), .finished_unix_s = 3.0}, {});
-  store->finish({.id = "never heard of", .job = "told"}, {});
+  store->finish({.id = "a", .job = "reported", .answer = std::string("x\0y", 3), .finished_unix_s = 3.0}, {});
+  store->finish({.id = "never heard of", .job = "reported"}, {});
   store->finish({.id = "a", .job = "a second one"}, {});
   ASSERT_TRUE(settled(*store).has_value());
   EXPECT_EQ(ids(*store), (std::vector<std::string>{"b"}));
@@ -107,7 +108,7 @@ TEST_F(StoreTest, AnAnswerTakesTheRequestsPlace) {
   ASSERT_EQ(results.size(), 1U);
   EXPECT_EQ(results[0].id, "a");
   EXPECT_EQ(results[0].request_id, "of a");
-  EXPECT_EQ(results[0].job, "told") << "the first answer stays";
+  EXPECT_EQ(results[0].job, "reported") << "the first answer stays";
   EXPECT_EQ(results[0].answer, std::string("x\0y", 3));
   EXPECT_EQ(results[0].finished_unix_s, 3.0);
   EXPECT_EQ(store->request_of("a").error().code, ErrorCode::not_found);
@@ -137,7 +138,7 @@ TEST_F(StoreTest, CountsWhatItWrote) {
   EXPECT_GT(after.bytes, before.bytes);
 }
 
-TEST_F(StoreTest, TellsEverybodyOnceAlsoAtItsEnd) {
+TEST_F(StoreTest, ReportsEverybodyOnceAlsoAtItsEnd) {
   constexpr int kJobs = 200;
   std::atomic<int> kept = 0;
   {

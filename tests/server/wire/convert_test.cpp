@@ -167,7 +167,7 @@ TEST(Convert, ASolutionComesBackAsItWas) {
   solution.gap = 0.2;
   solution.nodes = 5000000000;
   solution.open_nodes = 6;
-  solution.warm_nodes = 8;
+  solution.reused_nodes = 8;
   v1::Solution message;
   to_message(solution, &message);
   const Solution back = solution_of(message);
@@ -190,7 +190,7 @@ TEST(Convert, ASolutionComesBackAsItWas) {
   EXPECT_EQ(back.gap, solution.gap);
   EXPECT_EQ(back.nodes, solution.nodes);
   EXPECT_EQ(back.open_nodes, solution.open_nodes);
-  EXPECT_EQ(back.warm_nodes, solution.warm_nodes);
+  EXPECT_EQ(back.reused_nodes, solution.reused_nodes);
 }
 
 TEST(Convert, WithoutATreeNothingOfOneIsSentAndItComesBackUnknown) {

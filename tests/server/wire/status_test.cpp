@@ -36,7 +36,7 @@ TEST(ErrorStatus, ABadFieldComesWithPathIndexValueAndRule) {
   EXPECT_EQ(fault.bound(), "must be finite");
 }
 
-TEST(ErrorStatus, AFullQueueTellsWhenToRetry) {
+TEST(ErrorStatus, AFullQueueReportsWhenToRetry) {
   const grpc::Status status = to_status({ErrorCode::resource_exhausted, "queue_jobs", -1, "", "full"}, 2.25);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   google::rpc::RetryInfo retry;

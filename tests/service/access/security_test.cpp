@@ -27,7 +27,7 @@ class Security : public SecureServiceTest {
     std::filesystem::copy_file(from.key, to.key, over);
   }
 
-  TestAuthority authority_, clients_, stranger_;
+  TestAuthority authority_, clients_, unauthenticated_;
 };
 
 TEST_F(Security, TlsServesWhoTrustsItsAuthorityAndNobodyInTheClear) {
@@ -78,12 +78,12 @@ TEST_F(Security, AClientRefusesAnExpiredServer) {
 }
 
 TEST_F(Security, AClientRefusesAServerOfAnotherAuthority) {
-  start(tls_flags(stranger_.issue_for_server()));
+  start(tls_flags(unauthenticated_.issue_for_server()));
   const Answer answer = ask(tls(authority_));
   EXPECT_EQ(answer.status.error_code(), StatusCode::UNAVAILABLE);
   EXPECT_NE(answer.status.error_message().find("certificate verify failed"), std::string::npos)
       << answer.status.error_message();
-  EXPECT_TRUE(ask(tls(stranger_)).ok());
+  EXPECT_TRUE(ask(tls(unauthenticated_)).ok());
 }
 
 TEST_F(Security, AClientRefusesAServerOfAnotherName) {
@@ -126,7 +126,7 @@ TEST_F(Security, WrongClientCertificatesAreRefused) {
   EXPECT_EQ(ask_as({}).status.error_code(), StatusCode::UNAVAILABLE) << "no certificate";
   EXPECT_EQ(ask_as(clients_.issue("planner", "", -1)).status.error_code(), StatusCode::UNAVAILABLE)
       << "expired";
-  EXPECT_EQ(ask_as(stranger_.issue("planner", "")).status.error_code(), StatusCode::UNAVAILABLE)
+  EXPECT_EQ(ask_as(unauthenticated_.issue("planner", "")).status.error_code(), StatusCode::UNAVAILABLE)
       << "of another authority";
   EXPECT_EQ(ask_as(authority_.issue("planner", "")).status.error_code(), StatusCode::UNAVAILABLE)
       << "of the server's authority, which is not the clients'";
@@ -139,7 +139,7 @@ TEST_F(Security, ARequestedCertificateMayBeReplacedByAToken) {
   EXPECT_EQ(ask_as({}).status.error_code(), StatusCode::UNAUTHENTICATED);
   EXPECT_EQ(ask_as({}, bearer(token.secret)).info.client(), "watcher");
   EXPECT_EQ(ask_as(clients_.issue("planner", "")).info.client(), "cert:planner");
-  EXPECT_EQ(ask_as(stranger_.issue("planner", "")).status.error_code(), StatusCode::UNAVAILABLE);
+  EXPECT_EQ(ask_as(unauthenticated_.issue("planner", "")).status.error_code(), StatusCode::UNAVAILABLE);
 }
 
 TEST_F(Security, ARequestedCertificateIsNeededWhereThereAreNoTokens) {
@@ -152,18 +152,18 @@ TEST_F(Security, ARenewedCertificateIsServedWithoutARestart) {
   const CertificateFiles files = authority_.issue_for_server();
   start(tls_flags(files));
   EXPECT_TRUE(ask(tls(authority_)).ok());
-  EXPECT_FALSE(ask(tls(stranger_)).ok());
-  copy(stranger_.issue_for_server(), files);
-  EXPECT_TRUE(ask(tls(stranger_)).ok()) << server().log();
+  EXPECT_FALSE(ask(tls(unauthenticated_)).ok());
+  copy(unauthenticated_.issue_for_server(), files);
+  EXPECT_TRUE(ask(tls(unauthenticated_)).ok()) << server().log();
   EXPECT_FALSE(ask(tls(authority_)).ok());
 }
 
 TEST_F(Security, ARenewedAuthorityOfClientsCountsWithoutARestart) {
   start_mutual();
-  EXPECT_FALSE(ask_as(stranger_.issue("planner", "")).ok());
-  std::filesystem::copy_file(stranger_.certificate(), clients_.certificate(),
+  EXPECT_FALSE(ask_as(unauthenticated_.issue("planner", "")).ok());
+  std::filesystem::copy_file(unauthenticated_.certificate(), clients_.certificate(),
                              std::filesystem::copy_options::overwrite_existing);
-  EXPECT_TRUE(ask_as(stranger_.issue("planner", "")).ok()) << server().log();
+  EXPECT_TRUE(ask_as(unauthenticated_.issue("planner", "")).ok()) << server().log();
 }
 
 TEST_F(Security, BrokenRenewedFilesLeaveTheGoodOnesInForce) {
@@ -183,8 +183,8 @@ TEST_F(Security, BrokenRenewedFilesLeaveTheGoodOnesInForce) {
   serves_on("must be the key of");
   std::filesystem::remove(files.key);
   serves_on("cannot be read");
-  copy(stranger_.issue_for_server(), files);
-  EXPECT_TRUE(ask(tls(stranger_)).ok()) << "good files again";
+  copy(unauthenticated_.issue_for_server(), files);
+  EXPECT_TRUE(ask(tls(unauthenticated_)).ok()) << "good files again";
 }
 
 TEST_F(Security, OnlyKnownTokensAreLetIn) {
@@ -229,11 +229,11 @@ TEST_F(Security, SecretsNeverReachTheLog) {
 
 TEST_F(Security, ATokenThatIsOutOfPlaceInItsFileIsNotQuoted) {
   const Token token = new_token("planner:solve");
-  const Run told =
+  const Run reported =
       run({"--check-config", "--tokens", write("tokens", "\n" + token.secret + " planner solve\n")});
-  EXPECT_EQ(told.exit_code, 2);
-  EXPECT_TRUE(told.said("tokens:2: ")) << told.output;
-  EXPECT_FALSE(told.said(token.secret)) << told.output;
+  EXPECT_EQ(reported.exit_code, 2);
+  EXPECT_TRUE(reported.said("tokens:2: ")) << reported.output;
+  EXPECT_FALSE(reported.said(token.secret)) << reported.output;
 }
 
 TEST_F(Security, HealthStaysOpenForProbes) {
@@ -275,9 +275,9 @@ TEST_F(Security, CheckConfigLooksIntoTheFiles) {
       {{"--tls-certificate", files.certificate, "--tls-key", files.key, "--tls-client-ca", tokens},
        "tls_client_ca"}};
   for (const auto& [flags, text] : bad) {
-    const Run told = check(flags);
-    EXPECT_EQ(told.exit_code, 2) << text;
-    EXPECT_TRUE(told.said(text)) << told.output;
+    const Run reported = check(flags);
+    EXPECT_EQ(reported.exit_code, 2) << text;
+    EXPECT_TRUE(reported.said(text)) << reported.output;
   }
 }
 

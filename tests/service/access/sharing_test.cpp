@@ -74,7 +74,7 @@ class Sharing : public SecureServiceTest {
     EXPECT_TRUE(eventually([&] { return counters().running() == 1; }));
     return blocker.id();
   }
-  /// Ends the blocker and tells in which order the others were taken.
+  /// Ends the blocker and reports in which order the others were taken.
   std::vector<std::string> order_after(const std::string& blocker) {
     EXPECT_TRUE(cancel(name("blocker"), blocker).ok());
     EXPECT_TRUE(eventually_idle());
@@ -97,7 +97,7 @@ class Sharing : public SecureServiceTest {
   std::unique_ptr<v1::Jobs::Stub> jobs_;
 };
 
-TEST_F(Sharing, HigherPrioritiesGoFirstAndThePlaceIsToldAsItWillBe) {
+TEST_F(Sharing, HigherPrioritiesGoFirstAndThePlaceIsReportedAsItWillBe) {
   start({"--workers", "1"});
   const std::string blocker = block();
   EXPECT_EQ(submit(name("a"), tagged("batch", v1::PRIORITY_BATCH)).response.queue_position(), 0);
@@ -119,7 +119,7 @@ TEST_F(Sharing, AFloodingClientDoesNotKeepOthersWaiting) {
             (std::vector<std::string>{"flood 0", "quiet", "flood 1", "flood 2", "flood 3"}));
 }
 
-TEST_F(Sharing, TheStreamTellsWhenThePlaceChanges) {
+TEST_F(Sharing, TheStreamReportsWhenThePlaceChanges) {
   start({"--workers", "1"});
   const std::string blocker = block();
   const Submitted ahead = submit(name("a"), long_request());
@@ -162,7 +162,7 @@ TEST_F(Sharing, FurtherStartsGiveTheSameAnswerWhateverTheLoad) {
   to_message(p.view(), request.mutable_problem());
   request.mutable_options()->set_starts(5);
   Options options;
-  options.starts = 5;
+  options.num_starts = 5;
   const Solution alone = solve_in_process(p.view(), options).value();
   start({"--workers", "3"});
   const auto ask = [&] {

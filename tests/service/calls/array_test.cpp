@@ -168,7 +168,7 @@ TEST_F(Array, IsOneJobOfTheQuotaAndItsBytesCount) {
   expect_numbered(ArrayReader(jobs(), submit_array(jobs(), elements_of(10))).drain(), 10);
 }
 
-TEST_F(Array, CancelledHalfWayTellsWhatThereIsAndThenWhy) {
+TEST_F(Array, CancelledHalfWayReportsWhatThereIsAndThenWhy) {
   start({"--workers", "1"});
   std::vector<v1::ArrayElement> elements = elements_of(3);
   elements.push_back(long_element());
@@ -223,7 +223,7 @@ TEST_F(Array, TheSameArraySentAgainIsTheSameJob) {
   EXPECT_NE(submit_array(jobs(), elements_of(20), setup), id);
 }
 
-TEST_F(Array, WhatIsWrongIsToldWithItsElement) {
+TEST_F(Array, WhatIsWrongIsReportedWithItsElement) {
   start();
   v1::ArrayElement nan = numbers_of_element(0);
   nan.mutable_update()->set_equality_offset(0, std::numeric_limits<double>::quiet_NaN());
@@ -371,12 +371,12 @@ TEST_F(Array, WithoutRoomForItsAnswersItEnds) {
   start({"--workers", "1", "--result-bytes", "20000"});
   const std::string id = submit_array(jobs(), elements_of(200));
   ArrayReader reader(jobs(), id);
-  const std::size_t told = reader.drain().size();
+  const std::size_t reported = reader.drain().size();
   const grpc::Status status = reader.finish();
   EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_THAT(status.error_message(), HasSubstr("result_bytes"));
-  EXPECT_GT(told, 2U);
-  EXPECT_LT(told, 200U);
+  EXPECT_GT(reported, 2U);
+  EXPECT_LT(reported, 200U);
   EXPECT_TRUE(lives());
 }
 

@@ -41,60 +41,60 @@ class CoupledCalls : public JobsServiceTest {
     return request;
   }
 
-  struct Told {
+  struct Reported {
     std::vector<v1::Progress> rows;
     v1::SolveResponse result;
     grpc::Status status;
   };
-  Told solve_coupled(const v1::SolveRequest& solve) {
+  Reported solve_coupled(const v1::SolveRequest& solve) {
     grpc::ClientContext context;
     v1::SolveStreamRequest request;
     *request.mutable_solve() = solve;
     const auto reader = solver().SolveCoupled(&context, request);
-    Told told;
+    Reported reported;
     for (Event event; reader->Read(&event);) {
-      for (const v1::Progress& row : event.progress().rows()) told.rows.push_back(row);
-      if (event.has_result()) told.result = event.result();
+      for (const v1::Progress& row : event.progress().rows()) reported.rows.push_back(row);
+      if (event.has_result()) reported.result = event.result();
     }
-    told.status = reader->Finish();
-    return told;
+    reported.status = reader->Finish();
+    return reported;
   }
 
   /// The answer of the server, with so many workers, is core's to the last bit.
   void expect_cores_bits(const char* workers) {
     start({"--workers", workers});
     const CoupledSolution here = marble::solve_coupled(cell_.view()).value();
-    const Told told = solve_coupled(blocks());
-    ASSERT_TRUE(told.status.ok()) << told.status.error_message();
-    const Solution there = solution_of(told.result.solution());
+    const Reported reported = solve_coupled(blocks());
+    ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
+    const Solution there = solution_of(reported.result.solution());
     EXPECT_EQ(there.status, here.joint.status);
     EXPECT_EQ(there.z, here.joint.z);
     EXPECT_EQ(there.equality_multipliers, here.joint.equality_multipliers);
     EXPECT_EQ(there.objective, here.joint.objective);
     EXPECT_EQ(there.factorizations, here.joint.factorizations);
-    const v1::CoupledOutcome& outcome = told.result.solution().coupled();
+    const v1::CoupledOutcome& outcome = reported.result.solution().coupled();
     EXPECT_EQ(coordination_of(outcome).prices, here.coordination.prices);
     EXPECT_EQ(outcome.factorizations(), here.coordination.last.factorizations);
     EXPECT_EQ(outcome.blocks_objective(), here.blocks_objective);
   }
 };
 
-TEST_F(CoupledCalls, TellEachIterationAndThenTheJointAnswer) {
+TEST_F(CoupledCalls, ReportEachIterationAndThenTheJointAnswer) {
   start();
-  const Told told = solve_coupled(blocks());
-  ASSERT_TRUE(told.status.ok()) << told.status.error_message();
-  const v1::Solution& solution = told.result.solution();
+  const Reported reported = solve_coupled(blocks());
+  ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
+  const v1::Solution& solution = reported.result.solution();
   EXPECT_EQ(solution.status(), v1::STATUS_SOLVED);
   EXPECT_EQ(solution.z_size(), 6 * 8);
   EXPECT_EQ(solution.coupled().status(), v1::STATUS_SOLVED) << solution.coupled().detail();
   EXPECT_EQ(solution.coupled().prices_size(), 4);
-  ASSERT_FALSE(told.rows.empty());
-  const v1::Progress& last = told.rows.back();
+  ASSERT_FALSE(reported.rows.empty());
+  const v1::Progress& last = reported.rows.back();
   EXPECT_LE(last.iteration(), solution.coupled().iterations());
   EXPECT_LE(last.violations().equality(), 1e-6);
   EXPECT_GT(last.rho(), 0.0);
   EXPECT_TRUE(eventually_idle());
-  const v1::JobInfo job = get(told.result.job_id()).job();
+  const v1::JobInfo job = get(reported.result.job_id()).job();
   EXPECT_EQ(job.kind(), v1::JOB_KIND_COUPLED);
   EXPECT_EQ(job.variables(), 6 * 8);
   EXPECT_EQ(job.pairs(), 6 * 3);
@@ -108,16 +108,16 @@ TEST_F(CoupledCalls, MayHaveManyBlocks) {
   const OwnedCoupled many = random_coupled({.blocks = 50, .variables = 3, .pairs = 1, .rows = 2}, 1);
   v1::SolveRequest request;
   to_message(many.view(), request.mutable_coupled());
-  const Told told = solve_coupled(request);
-  ASSERT_TRUE(told.status.ok()) << told.status.error_message();
-  EXPECT_EQ(told.result.solution().z_size(), 50 * 3);
+  const Reported reported = solve_coupled(request);
+  ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
+  EXPECT_EQ(reported.result.solution().z_size(), 50 * 3);
 }
 
 TEST_F(CoupledCalls, SolveALongHorizonInPieces) {
   start();
-  const Told told = solve_coupled(pieces(24, 3));
-  ASSERT_TRUE(told.status.ok()) << told.status.error_message();
-  const v1::Solution& solution = told.result.solution();
+  const Reported reported = solve_coupled(pieces(24, 3));
+  ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
+  const v1::Solution& solution = reported.result.solution();
   EXPECT_EQ(solution.status(), v1::STATUS_SOLVED) << solution.detail();
   EXPECT_EQ(solution.z_size(), 24 * examples::kHopperVariables);
   EXPECT_EQ(solution.coupled().status(), v1::STATUS_SOLVED) << solution.coupled().detail();
@@ -134,21 +134,21 @@ TEST_F(CoupledCalls, NameTheBlockThatHasNoAnswer) {
   to_message(contradiction.view(), block->mutable_inequality_matrix());
   block->clear_inequality_offset();
   for (const double d : {-1.0, 0.0}) block->add_inequality_offset(d);
-  const Told told = solve_coupled(bad);
-  ASSERT_TRUE(told.status.ok()) << told.status.error_message();
-  EXPECT_EQ(told.result.solution().status(), v1::STATUS_INFEASIBLE);
-  EXPECT_EQ(told.result.solution().coupled().failed_block(), 2);
-  EXPECT_NE(told.result.solution().detail().find("block 2 (arm)"), std::string::npos);
+  const Reported reported = solve_coupled(bad);
+  ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
+  EXPECT_EQ(reported.result.solution().status(), v1::STATUS_INFEASIBLE);
+  EXPECT_EQ(reported.result.solution().coupled().failed_block(), 2);
+  EXPECT_NE(reported.result.solution().detail().find("block 2 (arm)"), std::string::npos);
 }
 
 TEST_F(CoupledCalls, AnswerWithWhereTheBlocksAreWhenTheirTimeIsUp) {
   start();
   v1::SolveRequest limited = endless();
   limited.mutable_options()->set_time_limit_s(0.1);
-  const Told told = solve_coupled(limited);
-  ASSERT_TRUE(told.status.ok()) << told.status.error_message();
-  EXPECT_EQ(told.result.solution().status(), v1::STATUS_TIME_LIMIT);
-  EXPECT_EQ(told.result.solution().z_size(), 6 * 8);
+  const Reported reported = solve_coupled(limited);
+  ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
+  EXPECT_EQ(reported.result.solution().status(), v1::STATUS_TIME_LIMIT);
+  EXPECT_EQ(reported.result.solution().z_size(), 6 * 8);
 }
 
 TEST_F(CoupledCalls, FreeTheirWorkersWhenTheirClientGoes) {
@@ -188,10 +188,10 @@ TEST_F(CoupledCalls, EndInsideTheirDenseAlgebra) {
   request.mutable_coupled()->set_max_iterations(1'000'000'000);
   v1::SolveRequest limited = request;
   limited.mutable_options()->set_time_limit_s(0.2);
-  const Told told = solve_coupled(limited);
-  ASSERT_TRUE(told.status.ok()) << told.status.error_message();
-  EXPECT_EQ(told.result.solution().status(), v1::STATUS_TIME_LIMIT);
-  EXPECT_EQ(told.result.solution().z_size(), kBlocks * kVariables);
+  const Reported reported = solve_coupled(limited);
+  ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
+  EXPECT_EQ(reported.result.solution().status(), v1::STATUS_TIME_LIMIT);
+  EXPECT_EQ(reported.result.solution().z_size(), kBlocks * kVariables);
   const std::string id = submit(request);
   ASSERT_TRUE(eventually([&] { return get(id).job().state() == v1::JOB_STATE_RUNNING; }));
   ASSERT_TRUE(cancel(id).ok());
@@ -257,8 +257,7 @@ TEST_F(CoupledCalls, AreRefusedWithThePlaceOfTheFault) {
   EXPECT_EQ(of_pieces([](C& bad) { bad.mutable_pieces()->set_stages(3, -1); }),
             "solve.coupled.pieces.stages[3]");
   EXPECT_EQ(of_pieces([](C& bad) { bad.mutable_pieces()->set_pieces(0); }), "solve.coupled.pieces.pieces");
-  EXPECT_EQ(of_pieces([](C& bad) { bad.mutable_pieces()->set_look_ahead(-2); }),
-            "solve.coupled.pieces.look_ahead");
+  EXPECT_EQ(of_pieces([](C& bad) { bad.mutable_pieces()->set_overlap(-2); }), "solve.coupled.pieces.overlap");
   EXPECT_EQ(of_pieces([](C& bad) { bad.set_joint(false); }), "solve.coupled.joint");
   EXPECT_EQ(of_pieces([](C& bad) { bad.add_total(0.0); }), "solve.coupled.pieces");
   const auto many = [](Request& bad) { *bad.mutable_coupled()->add_blocks() = bad.coupled().blocks(0); };

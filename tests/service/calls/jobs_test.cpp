@@ -62,7 +62,7 @@ TEST_F(Jobs, ASubmittedJobsAnswerIsThereForWhoeverComesBack) {
   EXPECT_EQ(counters().result_bytes(), 0);
 }
 
-TEST_F(Jobs, AJobThatIsOverTellsWhyAndHowItsPairsClosedOnTheCorner) {
+TEST_F(Jobs, AJobThatIsOverReportsWhyAndHowItsPairsClosedOnTheCorner) {
   start();
   const std::string id = submit(example_request());
   v1::SolveResponse response;
@@ -80,7 +80,7 @@ TEST_F(Jobs, AJobThatIsOverTellsWhyAndHowItsPairsClosedOnTheCorner) {
   EXPECT_NEAR(std::min(last.s(0), last.t(0)), known.job().violations().complementarity(), 0.1);
 }
 
-TEST_F(Jobs, NoPairsAreKeptWhereTheServerIsToldSo) {
+TEST_F(Jobs, NoPairsAreKeptWhereTheServerIsReportedSo) {
   start({"--trace-pairs", "0"});
   const std::string id = submit(example_request());
   v1::SolveResponse response;
@@ -101,7 +101,7 @@ TEST_F(Jobs, AJobThatRunsHasNoAnswerYetAndWaitingHasItsDeadline) {
   EXPECT_EQ(response.solution().status(), v1::STATUS_CANCELLED) << "with its best iterate";
 }
 
-TEST_F(Jobs, DeletingAJobStopsItAndWhoWaitsIsTold) {
+TEST_F(Jobs, DeletingAJobStopsItAndWhoWaitsIsReported) {
   start();
   const std::string id = submit(long_request());
   grpc::Status waited;
@@ -174,9 +174,9 @@ TEST_F(Jobs, AreListedNewestFirstByStateInPages) {
   v1::ListJobsRequest finished;
   finished.add_states(v1::JOB_STATE_FINISHED);
   EXPECT_EQ(list(finished).jobs_size(), 1);
-  v1::ListJobsRequest stranger;
-  stranger.set_client("nobody");
-  EXPECT_EQ(list(stranger).jobs_size(), 0);
+  v1::ListJobsRequest unauthenticated;
+  unauthenticated.set_client("nobody");
+  EXPECT_EQ(list(unauthenticated).jobs_size(), 0);
 }
 
 TEST_F(Jobs, OnlySoManyFinishedOnesAreRemembered) {
@@ -235,12 +235,12 @@ TEST_F(Jobs, WhoeverWatchesAJobSeesItFromItsBeginningToItsEnd) {
   EXPECT_EQ(last.job_id(), id);
   EXPECT_EQ(last.state(), v1::JOB_STATE_FINISHED);
   EXPECT_EQ(last.status(), v1::STATUS_ITERATION_LIMIT);
-  EXPECT_GE(rows + skipped, 390) << "every row, or told as skipped";
+  EXPECT_GE(rows + skipped, 390) << "every row, or reported as skipped";
   v1::SolveResponse response;
   EXPECT_TRUE(result(id, false, &response).ok()) << "the answer is there when the watch says so";
 }
 
-TEST_F(Jobs, AWatchOfAllTellsOfEveryJob) {
+TEST_F(Jobs, AWatchOfAllReportsOfEveryJob) {
   start();
   const auto call = watch("");
   call->reader->WaitForInitialMetadata();  // it watches from now on

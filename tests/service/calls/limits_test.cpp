@@ -16,7 +16,7 @@ void with_a_deadline(const Begins& begins) {
   FAIL() << "never began within its deadline";
 }
 
-TEST_F(Limits, AFullQueueRefusesAndTellsWhenToRetry) {
+TEST_F(Limits, AFullQueueRefusesAndReportsWhenToRetry) {
   start({"--workers", "1", "--queue-jobs", "1"});
   Stream running(solver(), long_request());
   ASSERT_TRUE(running.read_until(Event::kStarted));

@@ -10,7 +10,7 @@ namespace {
 struct Fault {
   const char* name;
   std::function<void(v1::SolveRequest&)> make;
-  const char* field;  // as BadRequest tells it
+  const char* field;  // as BadRequest reports it
   const char* rule;   // part of its description
 };
 

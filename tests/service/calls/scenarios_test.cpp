@@ -1,4 +1,4 @@
-// SolveScenarios: one plan for many worlds, level by level.
+// SolveScenarios: one plan for many scenarios, level by level.
 #include <algorithm>
 #include <functional>
 #include <limits>
@@ -17,16 +17,16 @@ namespace {
 // The rocket, by the altitude of its trigger.
 class Scenarios : public JobsServiceTest {
  protected:
-  static inline const examples::OneNumberWorlds rocket = examples::rocket_by_altitude();
+  static inline const examples::OneNumberScenarios rocket = examples::rocket_by_altitude();
 
-  [[nodiscard]] static std::vector<double> altitudes(int worlds) {
+  [[nodiscard]] static std::vector<double> altitudes(int scenarios) {
     std::vector<double> result;
-    for (int j = 0; j < worlds; ++j) result.push_back(3.0 + 1.8 * ((5 * j) % worlds + 0.5) / worlds);
+    for (int j = 0; j < scenarios; ++j) result.push_back(3.0 + 1.8 * ((5 * j) % scenarios + 0.5) / scenarios);
     return result;
   }
   [[nodiscard]] static v1::SolveRequest request(const std::vector<double>& numbers,
                                                 const ScenarioSettings& settings) {
-    const ScenarioProblem problem = rocket.worlds(numbers);
+    const ScenarioProblem problem = rocket.scenarios(numbers);
     v1::SolveRequest result;
     to_message(problem.base, result.mutable_problem());
     to_message(settings, result.mutable_scenarios());
@@ -35,44 +35,44 @@ class Scenarios : public JobsServiceTest {
   }
   /// Levels that do not come to their end while a test looks.
   [[nodiscard]] static v1::SolveRequest long_levels() {
-    return request(altitudes(1999), {.growth = 1.1, .most_scenarios = 1999, .fresh_scenarios = 0});
+    return request(altitudes(1999), {.growth = 1.1, .max_sample_size = 1999, .out_of_sample_scenarios = 0});
   }
 
   const TemporaryDirectory directory_;
 
-  struct Told {
+  struct Reported {
     std::vector<v1::ScenarioLevel> levels;
     v1::SolveResponse result;
     grpc::Status status;
     std::int64_t rows = 0;
   };
-  Told solve_scenarios(const v1::SolveRequest& solve) {
+  Reported solve_scenarios(const v1::SolveRequest& solve) {
     grpc::ClientContext context;
     v1::SolveStreamRequest request;
     *request.mutable_solve() = solve;
     const auto reader = solver().SolveScenarios(&context, request);
-    Told told;
+    Reported reported;
     for (Event event; reader->Read(&event);) {
-      if (event.has_level()) told.levels.push_back(event.level());
-      if (event.has_result()) told.result = event.result();
+      if (event.has_level()) reported.levels.push_back(event.level());
+      if (event.has_result()) reported.result = event.result();
       for (const v1::Progress& row : event.progress().rows()) {
         EXPECT_GE(row.scenarios(), 1);
-        ++told.rows;
+        ++reported.rows;
       }
     }
-    told.status = reader->Finish();
-    return told;
+    reported.status = reader->Finish();
+    return reported;
   }
 
   /// The answer of the server, with so many workers, is core's to the last bit.
   void expect_cores_bits(const char* workers) {
     start({"--workers", workers});
-    const ScenarioSettings settings{.most_scenarios = 4};
+    const ScenarioSettings settings{.max_sample_size = 4};
     const std::vector<double> numbers = altitudes(24);
-    const ScenarioAnswer here = marble::solve_scenarios(rocket.worlds(numbers), settings).value();
-    const Told told = solve_scenarios(request(numbers, settings));
-    ASSERT_TRUE(told.status.ok()) << told.status.error_message();
-    const ScenarioAnswer there = scenario_answer_of(told.result.solution());
+    const ScenarioAnswer here = marble::solve_scenarios(rocket.scenarios(numbers), settings).value();
+    const Reported reported = solve_scenarios(request(numbers, settings));
+    ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
+    const ScenarioAnswer there = scenario_answer_of(reported.result.solution());
     EXPECT_EQ(there.x, here.x);
     EXPECT_EQ(there.recourse, here.recourse);
     EXPECT_EQ(there.objective, here.objective);
@@ -80,32 +80,32 @@ class Scenarios : public JobsServiceTest {
     ASSERT_EQ(there.levels.size(), here.levels.size());
     for (std::size_t k = 0; k < here.levels.size(); ++k) {
       EXPECT_EQ(there.levels[k].factorizations, here.levels[k].factorizations);
-      EXPECT_EQ(there.levels[k].fresh->mean, here.levels[k].fresh->mean);
-      EXPECT_EQ(there.levels[k].fresh->half_width, here.levels[k].fresh->half_width);
+      EXPECT_EQ(there.levels[k].out_of_sample->mean, here.levels[k].out_of_sample->mean);
+      EXPECT_EQ(there.levels[k].out_of_sample->half_width, here.levels[k].out_of_sample->half_width);
     }
   }
 };
 
-TEST_F(Scenarios, TellLevelsAndThenTheAnswer) {
+TEST_F(Scenarios, ReportLevelsAndThenTheAnswer) {
   start();
-  const Told told = solve_scenarios(request(altitudes(8), {.most_scenarios = 8}));
-  ASSERT_TRUE(told.status.ok()) << told.status.error_message();
+  const Reported reported = solve_scenarios(request(altitudes(8), {.max_sample_size = 8}));
+  ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
   std::vector<std::int64_t> sizes;
-  for (const v1::ScenarioLevel& level : told.levels) sizes.push_back(level.scenarios());
+  for (const v1::ScenarioLevel& level : reported.levels) sizes.push_back(level.scenarios());
   EXPECT_EQ(sizes, (std::vector<std::int64_t>{1, 2, 4, 8}));
-  EXPECT_GT(told.levels[1].fresh().half_width(), 0.0);
-  EXPECT_FALSE(told.levels[3].has_fresh()) << "there are no worlds but these";
-  EXPECT_GE(told.rows, 1);
-  const v1::Solution& solution = told.result.solution();
+  EXPECT_GT(reported.levels[1].out_of_sample().half_width(), 0.0);
+  EXPECT_FALSE(reported.levels[3].has_fresh()) << "there are no scenarios but these";
+  EXPECT_GE(reported.rows, 1);
+  const v1::Solution& solution = reported.result.solution();
   EXPECT_EQ(solution.status(), v1::STATUS_SOLVED);
   EXPECT_EQ(solution.scenarios().end(), v1::SCENARIO_END_SAMPLES);
   EXPECT_EQ(solution.scenarios().scenarios(), 8);
   EXPECT_EQ(solution.scenarios().first_stage(), static_cast<int>(rocket.first_stage.size()));
   EXPECT_EQ(solution.scenarios().levels_size(), 4);
-  EXPECT_EQ(solution.z_size(), told.levels[3].variables()) << "the plan, then each world's recourse";
-  EXPECT_EQ(solution.complementarity_multipliers_l_size(), told.levels[3].pairs());
+  EXPECT_EQ(solution.z_size(), reported.levels[3].variables()) << "the plan, then each scenario's recourse";
+  EXPECT_EQ(solution.complementarity_multipliers_l_size(), reported.levels[3].pairs());
   EXPECT_TRUE(eventually_idle());
-  const v1::JobInfo job = get(told.result.job_id()).job();
+  const v1::JobInfo job = get(reported.result.job_id()).job();
   EXPECT_EQ(job.kind(), v1::JOB_KIND_SCENARIOS);
   EXPECT_EQ(job.scenario_levels_size(), 4);
 }
@@ -113,21 +113,21 @@ TEST_F(Scenarios, TellLevelsAndThenTheAnswer) {
 TEST_F(Scenarios, HaveCoresBitsOnOneWorker) { expect_cores_bits("1"); }
 TEST_F(Scenarios, HaveCoresBitsOnFourWorkers) { expect_cores_bits("4"); }
 
-TEST_F(Scenarios, NameTheWorldThatHasNoPlan) {
+TEST_F(Scenarios, NameTheScenarioThatHasNoPlan) {
   start();
-  const Told told = solve_scenarios(request({3.9, 4.2, 5.392, 4.0}, {}));
-  ASSERT_TRUE(told.status.ok()) << told.status.error_message();
-  const v1::ScenarioOutcome& outcome = told.result.solution().scenarios();
+  const Reported reported = solve_scenarios(request({3.9, 4.2, 5.392, 4.0}, {}));
+  ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
+  const v1::ScenarioOutcome& outcome = reported.result.solution().scenarios();
   EXPECT_EQ(outcome.end(), v1::SCENARIO_END_NOT_SOLVED);
   ASSERT_EQ(outcome.infeasible_size(), 1);
   EXPECT_EQ(outcome.infeasible(0), 2);
   EXPECT_EQ(outcome.scenarios(), 2) << "the plan of the level before stays";
-  EXPECT_GT(told.result.solution().z_size(), 0);
+  EXPECT_GT(reported.result.solution().z_size(), 0);
 }
 
 TEST_F(Scenarios, AreDrawnByTheServerWhereASamplerIsNamed) {
   start();
-  v1::SolveRequest sampled = request(altitudes(2), {.most_scenarios = 4, .fresh_scenarios = 4});
+  v1::SolveRequest sampled = request(altitudes(2), {.max_sample_size = 4, .out_of_sample_scenarios = 4});
   v1::ScenarioSampler* sampler = sampled.mutable_scenarios()->mutable_sampler();
   sampler->set_seed(7);
   v1::ScenarioQuantity* cost = sampler->add_quantities();
@@ -142,7 +142,7 @@ TEST_F(Scenarios, AreDrawnByTheServerWhereASamplerIsNamed) {
   ASSERT_TRUE(status.ok()) << status.error_message();
   ScenarioProblem problem;
   problem.base = view_of(sampled.problem());
-  ASSERT_TRUE(take_worlds(sampled.scenarios(), problem));
+  ASSERT_TRUE(take_scenarios(sampled.scenarios(), problem));
   double mean = 0.0;
   for (int i = 0; i < 4; ++i) mean += (problem.sample(i)->c0.value() - problem.base.c0) / 4.0;
   EXPECT_LE(mean, 60.0);
@@ -152,7 +152,7 @@ TEST_F(Scenarios, AreDrawnByTheServerWhereASamplerIsNamed) {
   EXPECT_NEAR(response.solution().objective(), plain.solution().objective() + mean, 1e-6);
 }
 
-TEST_F(Scenarios, AnswerWithTheNewestPlanWhenTheyAreTold) {
+TEST_F(Scenarios, AnswerWithTheNewestPlanWhenTheyAreReported) {
   start({"--workers", "1"});
   grpc::ClientContext context;
   v1::SolveStreamRequest request;
@@ -160,10 +160,10 @@ TEST_F(Scenarios, AnswerWithTheNewestPlanWhenTheyAreTold) {
   const auto reader = solver().SolveScenarios(&context, request);
   std::string id;
   v1::SolveResponse result;
-  bool told = false;
+  bool reported = false;
   for (Event event; reader->Read(&event);) {
     if (event.has_accepted()) id = event.accepted().job_id();
-    if (event.has_level() && !std::exchange(told, true)) {
+    if (event.has_level() && !std::exchange(reported, true)) {
       EXPECT_TRUE(cancel(id).ok());
     }
     if (event.has_result()) result = event.result();
@@ -193,10 +193,10 @@ TEST_F(Scenarios, EndWhenTheirTimeIsUp) {
   start();
   v1::SolveRequest limited = long_levels();
   limited.mutable_options()->set_time_limit_s(0.2);
-  const Told told = solve_scenarios(limited);
-  ASSERT_TRUE(told.status.ok()) << told.status.error_message();
-  EXPECT_EQ(told.result.solution().status(), v1::STATUS_TIME_LIMIT);
-  EXPECT_EQ(told.result.solution().scenarios().end(), v1::SCENARIO_END_TIME_LIMIT);
+  const Reported reported = solve_scenarios(limited);
+  ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
+  EXPECT_EQ(reported.result.solution().status(), v1::STATUS_TIME_LIMIT);
+  EXPECT_EQ(reported.result.solution().scenarios().end(), v1::SCENARIO_END_TIME_LIMIT);
 }
 
 TEST_F(Scenarios, MayBeSubmitted) {
@@ -224,13 +224,14 @@ TEST_F(Scenarios, OutliveTheServerWhereItHasAStateDirectory) {
 
 TEST_F(Scenarios, AreRefusedWithThePlaceOfTheFault) {
   start({"--scenarios", "64"});
-  const v1::SolveRequest good = request(altitudes(4), {.most_scenarios = 4, .fresh_scenarios = 4});
+  const v1::SolveRequest good = request(altitudes(4), {.max_sample_size = 4, .out_of_sample_scenarios = 4});
   const auto field = [&](const std::function<void(v1::SolveRequest&)>& spoil) {
     v1::SolveRequest bad = good;
     spoil(bad);
-    const Told told = solve_scenarios(bad);
-    EXPECT_EQ(told.status.error_code(), grpc::StatusCode::INVALID_ARGUMENT) << told.status.error_message();
-    return bad_field(told.status).field();
+    const Reported reported = solve_scenarios(bad);
+    EXPECT_EQ(reported.status.error_code(), grpc::StatusCode::INVALID_ARGUMENT)
+        << reported.status.error_message();
+    return bad_field(reported.status).field();
   };
   using Request = v1::SolveRequest;
   const auto scenarios = [&](const std::function<void(v1::Scenarios&)>& spoil) {
@@ -244,7 +245,7 @@ TEST_F(Scenarios, AreRefusedWithThePlaceOfTheFault) {
   EXPECT_EQ(scenarios([](S& bad) { bad.clear_first_stage(); }), "solve.scenarios.first_stage");
   EXPECT_EQ(scenarios([](S& bad) { bad.set_first_stage(1, -1); }), "solve.scenarios.first_stage[1]");
   EXPECT_EQ(scenarios([](S& bad) { bad.add_own_pairs(1 << 20); }), "solve.scenarios.own_pairs[0]");
-  EXPECT_EQ(scenarios([](S& bad) { bad.clear_worlds(); }), "solve.scenarios.samples");
+  EXPECT_EQ(scenarios([](S& bad) { bad.clear_scenarios(); }), "solve.scenarios.samples");
   EXPECT_EQ(scenarios([](S& bad) { bad.mutable_samples()->set_values(2, kNone); }),
             "solve.scenarios.samples.values[2]");
   EXPECT_EQ(scenarios([](S& bad) { bad.mutable_samples()->add_values(1.0); }),
@@ -262,12 +263,13 @@ TEST_F(Scenarios, AreRefusedWithThePlaceOfTheFault) {
   EXPECT_EQ(scenarios([](S& bad) { bad.mutable_sampler()->add_quantities(); }),
             "solve.scenarios.sampler.quantities[0].effects");
   EXPECT_EQ(scenarios([](S& bad) { bad.set_growth(1.0); }), "solve.scenarios.growth");
-  EXPECT_EQ(scenarios([](S& bad) { bad.set_most_scenarios(0); }), "solve.scenarios.most_scenarios");
+  EXPECT_EQ(scenarios([](S& bad) { bad.set_max_sample_size(0); }), "solve.scenarios.max_sample_size");
   EXPECT_EQ(scenarios([](S& bad) { bad.set_tolerance(kNone); }), "solve.scenarios.tolerance");
-  EXPECT_EQ(scenarios([](S& bad) { bad.set_least_scenarios(0); }), "solve.scenarios.least_scenarios");
-  EXPECT_EQ(scenarios([](S& bad) { bad.set_fresh_scenarios(-1); }), "solve.scenarios.fresh_scenarios");
+  EXPECT_EQ(scenarios([](S& bad) { bad.set_min_sample_size(0); }), "solve.scenarios.min_sample_size");
+  EXPECT_EQ(scenarios([](S& bad) { bad.set_out_of_sample_scenarios(-1); }),
+            "solve.scenarios.out_of_sample_scenarios");
   v1::SolveRequest many = good;
-  many.mutable_scenarios()->set_most_scenarios(61);
+  many.mutable_scenarios()->set_max_sample_size(61);
   EXPECT_EQ(solve_scenarios(many).status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_TRUE(lives());
 }
@@ -280,9 +282,10 @@ TEST_F(Scenarios, LeaveThePlansOwnRowsAlone) {
   v1::ScenarioSamples* samples = bad.mutable_scenarios()->mutable_samples();
   samples->add_entries()->set_part(v1::PROBLEM_PART_EQUALITY_OFFSET);
   samples->add_values(-1.0);
-  const Told told = solve_scenarios(bad);
-  EXPECT_EQ(told.status.error_code(), grpc::StatusCode::INVALID_ARGUMENT) << told.status.error_message();
-  EXPECT_EQ(bad_field(told.status).field(), "solve.scenarios.samples.entries[0].positions[0]");
+  const Reported reported = solve_scenarios(bad);
+  EXPECT_EQ(reported.status.error_code(), grpc::StatusCode::INVALID_ARGUMENT)
+      << reported.status.error_message();
+  EXPECT_EQ(bad_field(reported.status).field(), "solve.scenarios.samples.entries[0].positions[0]");
   bad.mutable_scenarios()->add_own_equalities(0);
   EXPECT_TRUE(solve_scenarios(bad).status.ok());
 }
@@ -307,19 +310,20 @@ v1::SolveRequest large_scenarios(int n, std::int64_t first) {
   auto& effect = *quantity.add_effects();
   effect.mutable_entries()->set_part(v1::PROBLEM_PART_GRADIENT);
   effect.add_gains(1.0);
-  scenarios.set_first_scenarios(first);
-  scenarios.set_most_scenarios(4000);
+  scenarios.set_initial_sample_size(first);
+  scenarios.set_max_sample_size(4000);
   scenarios.set_growth(4000.0);
-  scenarios.set_fresh_scenarios(16);
+  scenarios.set_out_of_sample_scenarios(16);
   return request;
 }
 
 TEST_F(Scenarios, FirstLevelThatDoesNotFitIsRefusedWithItsSize) {
   start();
-  const Told told = solve_scenarios(large_scenarios(30'000, 4000));
-  EXPECT_EQ(told.status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
-  for (const char* part : {"solve.scenarios.first_scenarios", "4000 scenarios", "4294967296 bytes"})
-    EXPECT_NE(told.status.error_message().find(part), std::string::npos) << told.status.error_message();
+  const Reported reported = solve_scenarios(large_scenarios(30'000, 4000));
+  EXPECT_EQ(reported.status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  for (const char* part : {"solve.scenarios.initial_sample_size", "4000 scenarios", "4294967296 bytes"})
+    EXPECT_NE(reported.status.error_message().find(part), std::string::npos)
+        << reported.status.error_message();
   EXPECT_LE(resident_bytes(server().pid()), std::int64_t{400} << 20) << "nothing of it was built";
   EXPECT_TRUE(lives());
 }
@@ -328,9 +332,9 @@ TEST_F(Scenarios, LaterLevelThatDoesNotFitEndsWithTheAnswerSoFar) {
   start({"--workers", "1", "--solve-bytes", "300000000"});
   ASSERT_TRUE(lives());
   const std::int64_t before = resident_bytes(server().pid());
-  const Told told = solve_scenarios(large_scenarios(20'000, 1));
-  ASSERT_TRUE(told.status.ok()) << told.status.error_message();
-  const ScenarioAnswer answer = scenario_answer_of(told.result.solution());
+  const Reported reported = solve_scenarios(large_scenarios(20'000, 1));
+  ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
+  const ScenarioAnswer answer = scenario_answer_of(reported.result.solution());
   EXPECT_EQ(answer.end, ScenarioEnd::too_large);
   EXPECT_EQ(answer.status, Status::solved);
   EXPECT_EQ(answer.scenarios, 1);

@@ -6,7 +6,7 @@
 namespace marble::testing {
 namespace {
 
-TEST_F(Session, AnUpdateTooLateIsToldAndItsNumbersStay) {
+TEST_F(Session, AnUpdateTooLateIsReportedAndItsNumbersStay) {
   start({"--workers", "1"});
   const auto call = set_up(setup_of(example_request()));
   Stream blocker(solver(), blocking_request());

@@ -117,7 +117,7 @@ TEST_F(Session, MatrixValuesOfTheSamePatternCanChange) {
   EXPECT_NEAR(answer->answer().solution().z(0), 0.5, 1e-9);
 }
 
-TEST_F(Session, ARefusedUpdateIsToldWithFieldAndIndexAndChangesNothing) {
+TEST_F(Session, ARefusedUpdateIsReportedWithFieldAndIndexAndChangesNothing) {
   start();
   const auto call = set_up(setup_of(example_request()));
   v1::SessionRequest bad = update(1);
@@ -285,7 +285,7 @@ TEST_F(Session, WithLatestOnlyAFirstPartTakesThePlaceOfWhatWaits) {
   EXPECT_NEAR(answer->answer().solution().z(0), 4.0, 1e-9) << "of the second";
 }
 
-TEST_F(Session, AnInvalidFirstPartIsToldAtOnceAndChangesNothing) {
+TEST_F(Session, AnInvalidFirstPartIsReportedAtOnceAndChangesNothing) {
   start();
   const auto call = set_up(setup_of(example_request()));
   const double before = ask(*call, update(1))->answer().solution().z(0);
@@ -299,7 +299,7 @@ TEST_F(Session, AnInvalidFirstPartIsToldAtOnceAndChangesNothing) {
   EXPECT_EQ(ask(*call, update(3))->answer().solution().z(0), before);
 }
 
-TEST_F(Session, TellsProgressOfEachUpdateBeforeItsAnswer) {
+TEST_F(Session, ReportsProgressOfEachUpdateBeforeItsAnswer) {
   start();
   v1::SessionRequest setup = setup_of(examples::rocket());
   setup.mutable_setup()->set_progress(true);

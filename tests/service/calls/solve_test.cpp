@@ -53,7 +53,7 @@ TEST_F(Solve, StartsAtTheInitialPoint) {
   EXPECT_NEAR(response.solution().z(1), 4.0, 1e-12);
 }
 
-TEST_F(Solve, TellsTheOptionsThatWereUsedDefaultsIncluded) {
+TEST_F(Solve, ReportsTheOptionsThatWereUsedDefaultsIncluded) {
   start();
   v1::SolveRequest request = example_request();
   request.mutable_options()->set_equality_tolerance(1e-8);

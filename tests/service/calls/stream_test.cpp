@@ -30,7 +30,7 @@ class SolveStream : public ServiceTest {
   }
 };
 
-TEST_F(SolveStream, TellsAcceptedThenStartedThenProgressThenTheResult) {
+TEST_F(SolveStream, ReportsAcceptedThenStartedThenProgressThenTheResult) {
   start();
   Stream stream(solver(), example_request());
   const std::vector<Event> events = stream.drain();
@@ -45,8 +45,8 @@ TEST_F(SolveStream, TellsAcceptedThenStartedThenProgressThenTheResult) {
   EXPECT_EQ(events.back().result().solution().status(), v1::STATUS_SOLVED);
 }
 
-// Further starts have no iterations of their own to tell.
-TEST_F(SolveStream, TellsWhatItDoesWhereNoIterationEnds) {
+// Further starts have no iterations of their own to report.
+TEST_F(SolveStream, ReportsWhatItDoesWhereNoIterationEnds) {
   start();
   v1::SolveRequest request = with_starts(500);
   Stream stream(solver(), request);
@@ -70,7 +70,7 @@ TEST_F(SolveStream, ProgressAdvancesAndCountsWhatItSkipped) {
   start();
   Stream stream(solver(), long_request(200));
   int last = -1;
-  std::int64_t told = 0, skipped = 0;
+  std::int64_t reported = 0, skipped = 0;
   std::optional<v1::SolveResponse> result;
   while (const auto event = stream.next()) {
     if (event->has_result()) result = event->result();
@@ -79,7 +79,7 @@ TEST_F(SolveStream, ProgressAdvancesAndCountsWhatItSkipped) {
       EXPECT_GT(row.iteration(), last);
       EXPECT_EQ(row.z_size(), 0);
       last = row.iteration();
-      ++told;
+      ++reported;
     }
     EXPECT_GE(event->progress().skipped(), skipped);
     skipped = event->progress().skipped();
@@ -87,7 +87,7 @@ TEST_F(SolveStream, ProgressAdvancesAndCountsWhatItSkipped) {
   ASSERT_TRUE(result.has_value());
   EXPECT_EQ(result->solution().iterations(), 200);
   EXPECT_EQ(last, 200) << "the last progress is the newest";
-  EXPECT_EQ(told + skipped, 201) << "every iteration, and the start, was told or counted";
+  EXPECT_EQ(reported + skipped, 201) << "every iteration, and the start, was reported or counted";
 }
 
 TEST_F(SolveStream, AttachesTheIterateWhenAsked) {
@@ -116,9 +116,9 @@ TEST_F(SolveStream, KeepsTheAskedIntervalBetweenProgress) {
   *request.mutable_solve() = long_request(100);
   request.set_progress_interval_s(1e6);
   Stream stream(solver(), request);
-  int told = 0;
-  for (const Event& event : stream.drain()) told += event.progress().rows_size();
-  EXPECT_EQ(told, 1) << "the first, and no second within the interval";
+  int reported = 0;
+  for (const Event& event : stream.drain()) reported += event.progress().rows_size();
+  EXPECT_EQ(reported, 1) << "the first, and no second within the interval";
 }
 
 TEST_F(SolveStream, TwoRunAtOnceOnTwoWorkers) {

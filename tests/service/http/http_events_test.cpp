@@ -12,7 +12,7 @@ namespace {
 
 using HttpEvents = HttpServiceTest;
 
-TEST_F(HttpEvents, ADashboardIsToldWhoItIsThenTheServerThenEveryJob) {
+TEST_F(HttpEvents, ADashboardIsReportedWhoItIsThenTheServerThenEveryJob) {
   start();
   const EventReader reader(server().http(), "/api/events");
   ASSERT_TRUE(reader.eventually_has("server"));
@@ -32,7 +32,7 @@ TEST_F(HttpEvents, ADashboardIsToldWhoItIsThenTheServerThenEveryJob) {
   }));
 }
 
-TEST_F(HttpEvents, OneJobTellsItsTraceThenItsRowsThenItsEnd) {
+TEST_F(HttpEvents, OneJobReportsItsTraceThenItsRowsThenItsEnd) {
   start();
   const std::string id = submit(long_request());
   const EventReader reader(server().http(), "/api/jobs/" + id + "/events");
@@ -46,8 +46,9 @@ TEST_F(HttpEvents, OneJobTellsItsTraceThenItsRowsThenItsEnd) {
   EXPECT_EQ(last.at("job").at("state"), "JOB_STATE_FINISHED");
   std::int64_t iteration = -1;
   for (const auto& message : messages) {
-    const Json& told = message.data.at("events").at(0);
-    for (const Json& row : told.contains("trace") ? told.at("trace").at("rows") : told.at("rows")) {
+    const Json& reported = message.data.at("events").at(0);
+    for (const Json& row :
+         reported.contains("trace") ? reported.at("trace").at("rows") : reported.at("rows")) {
       EXPECT_GT(row.at("iteration").get<std::int64_t>(), iteration) << "rows come once, in order";
       iteration = row.at("iteration").get<std::int64_t>();
     }
@@ -55,16 +56,16 @@ TEST_F(HttpEvents, OneJobTellsItsTraceThenItsRowsThenItsEnd) {
   EXPECT_EQ(std::to_string(iteration), last.at("job").at("iterations").get<std::string>());
 }
 
-TEST_F(HttpEvents, WhoComesLaterIsToldWhatWas) {
+TEST_F(HttpEvents, WhoComesLaterIsReportedWhatWas) {
   start();
   const std::string id = submit(long_request());
   const EventReader first(server().http(), "/api/jobs/" + id + "/events");
   ASSERT_TRUE(eventually([&] { return first.events("job").size() >= 3; }));
   const EventReader second(server().http(), "/api/jobs/" + id + "/events");
   ASSERT_TRUE(second.eventually_has("job"));
-  const Json told = second.events("job").at(0).data.at("events").at(0);
-  ASSERT_TRUE(told.contains("trace"));
-  EXPECT_EQ(told.at("trace").at("rows").at(0).at("iteration"), 0);
+  const Json reported = second.events("job").at(0).data.at("events").at(0);
+  ASSERT_TRUE(reported.contains("trace"));
+  EXPECT_EQ(reported.at("trace").at("rows").at(0).at("iteration"), 0);
   ASSERT_EQ(cancel(id)->status, 200);
   EXPECT_TRUE(eventually([&] { return first.ended() && second.ended(); }));
 }
@@ -115,32 +116,32 @@ TEST_F(HttpEvents, AReaderThatStallsDisturbsNobody) {
   ASSERT_EQ(send(stalled, request.data(), request.size(), 0), static_cast<ssize_t>(request.size()));
   const EventReader reader(url, "/api/events");
   ASSERT_TRUE(reader.eventually_has("server"));
-  std::size_t told = 0;
+  std::size_t reported = 0;
   for (std::size_t i = 0; i < kJobs; ++i) {
     v1::SolveResponse response;
     ASSERT_TRUE(solve(example_request(), &response).ok());
   }
   EXPECT_TRUE(eventually([&] {
-    told = 0;
+    reported = 0;
     for (const auto& message : reader.events("jobs")) {
       for (const Json& event : message.data.at("events"))
-        told += event.at("job").at("state") == "JOB_STATE_FINISHED" ? 1 : 0;
+        reported += event.at("job").at("state") == "JOB_STATE_FINISHED" ? 1 : 0;
     }
-    return told == kJobs;
-  })) << told;
+    return reported == kJobs;
+  })) << reported;
   EXPECT_TRUE(reader.events("reload").empty());
   close(stalled);
 }
 
-TEST_F(HttpEvents, ADrainIsToldAndTheStreamEndsWithTheServer) {
+TEST_F(HttpEvents, ADrainIsReportedAndTheStreamEndsWithTheServer) {
   start({"--drain-grace-s", "30"});
   const EventReader reader(server().http(), "/api/events");
   Stream stuck(solver(), long_request());
   ASSERT_TRUE(eventually([&] { return counters().running() == 1; }));
   server().terminate();
   EXPECT_TRUE(eventually([&] {
-    const auto told = reader.events("server");
-    return !told.empty() && told.back().data.at("state") == "draining";
+    const auto reported = reader.events("server");
+    return !reported.empty() && reported.back().data.at("state") == "draining";
   }));
   server().terminate();
   EXPECT_EQ(server().wait(), 0);

@@ -1,4 +1,4 @@
-// The data of the HTTP port is what gRPC tells, under the same rules.
+// The data of the HTTP port is what gRPC reports, under the same rules.
 #include <gmock/gmock.h>
 #include <google/protobuf/util/json_util.h>
 
@@ -17,9 +17,9 @@ TEST_F(HttpJobs, OneJobIsWhatGrpcSays) {
   ASSERT_TRUE(eventually_finished(id));
   const auto answer = get("/api/jobs/" + id);
   ASSERT_EQ(answer->status, 200) << answer->body;
-  v1::GetJobResponse told;
-  ASSERT_TRUE(google::protobuf::util::JsonStringToMessage(answer->body, &told).ok());
-  EXPECT_EQ(told.SerializeAsString(), job(id).SerializeAsString());
+  v1::GetJobResponse reported;
+  ASSERT_TRUE(google::protobuf::util::JsonStringToMessage(answer->body, &reported).ok());
+  EXPECT_EQ(reported.SerializeAsString(), job(id).SerializeAsString());
 }
 
 TEST_F(HttpJobs, TheListIsFilteredAndPaged) {
@@ -76,9 +76,9 @@ TEST_F(HttpJobs, TheTraceAsCsvIsTheTrace) {
   std::getline(lines, line);
   EXPECT_EQ(line.rfind("iteration,outer_iteration,objective,", 0), 0U);
   EXPECT_EQ(line.substr(line.size() - 12), ",open_nodes\r");
-  const v1::GetJobResponse told = job(id);
-  ASSERT_GT(told.trace().rows_size(), 0);
-  for (const v1::Progress& row : told.trace().rows()) {
+  const v1::GetJobResponse reported = job(id);
+  ASSERT_GT(reported.trace().rows_size(), 0);
+  for (const v1::Progress& row : reported.trace().rows()) {
     ASSERT_TRUE(std::getline(lines, line));
     std::istringstream cells(line);
     std::vector<double> values;
@@ -94,7 +94,7 @@ TEST_F(HttpJobs, TheTraceAsCsvIsTheTrace) {
   EXPECT_FALSE(std::getline(lines, line));
 }
 
-TEST_F(HttpJobs, AnotherMethodIsToldWhichThereAre) {
+TEST_F(HttpJobs, AnotherMethodIsReportedWhichThereAre) {
   start();
   const auto answer = client().Delete("/api/jobs");
   EXPECT_EQ(answer->status, 405);

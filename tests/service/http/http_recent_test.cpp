@@ -1,4 +1,4 @@
-// What the HTTP port tells of the last minutes, and to whom.
+// What the HTTP port reports about the last minutes, and to which clients.
 #include <gmock/gmock.h>
 
 #include <array>
@@ -18,7 +18,7 @@ class HttpRecent : public HttpServiceTest {
     return Json::parse(answer->body);
   }
   [[nodiscard]] static Metadata named(const std::string& name) { return {{"marble-client", name}}; }
-  /// The share of this client; null if it is not told.
+  /// The share of this client; null if it is not reported.
   [[nodiscard]] static Json share_of(const Json& clients, const std::string& name) {
     for (const Json& share : clients.at("clients"))
       if (share.at("client") == name) return share;
@@ -47,7 +47,7 @@ TEST_F(HttpRecent, ANewPageGetsWhatTheServerDidBeforeItCame) {
   EXPECT_FALSE(now.at("p99_last_minute_s").is_null());
 }
 
-TEST_F(HttpRecent, WhoTakesTheWorkersIsToldWhileTheyAreTaken) {
+TEST_F(HttpRecent, WhoTakesTheWorkersIsReportedWhileTheyAreTaken) {
   start({"--workers", "1"});
   const std::string hog = submit(long_request(), named("hog"));
   ASSERT_TRUE(eventually([&] { return counters().running() == 1; }));
@@ -105,7 +105,7 @@ TEST_F(HttpRecent, NobodyHearsOfOtherClientsWithoutTheRole) {
   EXPECT_TRUE(share_of(page.events("clients").front().data, "other").is_null());
 }
 
-TEST_F(HttpRecent, StrangersOtherMethodsAndUnknownParametersAreRefused) {
+TEST_F(HttpRecent, UnauthenticatedOtherMethodsAndUnknownParametersAreRefused) {
   const Token planner = new_token("planner:solve");
   start({"--tokens", write("tokens", planner.line)});
   const auto known = bearer_header(planner.secret);

@@ -46,10 +46,10 @@ class HttpSecurity : public HttpServiceTest {
     return answer ? answer->status : 0;
   }
 
-  TestAuthority authority_, clients_, stranger_;
+  TestAuthority authority_, clients_, unauthenticated_;
 };
 
-TEST_F(HttpSecurity, EveryAnswerTellsBrowsersToKeepOthersOut) {
+TEST_F(HttpSecurity, EveryAnswerReportsBrowsersToKeepOthersOut) {
   start();
   for (const char* path : {"/", "/assets/chart.js", "/api/info", "/healthz", "/nothing", "/api/jobs/none"}) {
     const auto answer = get(path);
@@ -151,7 +151,7 @@ TEST_F(HttpSecurity, TlsIsThatOfGrpc) {
   start(tls_flags(authority_.issue_for_server()));
   EXPECT_EQ(server().http().rfind("https://", 0), 0U);
   EXPECT_EQ(status_of(authority_), 200);
-  EXPECT_EQ(status_of(stranger_), 0);
+  EXPECT_EQ(status_of(unauthenticated_), 0);
   EXPECT_EQ(exchange("GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n").find(" 200 "), std::string::npos);
 }
 
@@ -168,19 +168,19 @@ TEST_F(HttpSecurity, ACertificateNamesItsClientAsInGrpc) {
   EXPECT_EQ(name_by("somebody", "URI:spiffe://example/planner"), "cert:spiffe://example/planner");
   EXPECT_EQ(name_by("planner", ""), "cert:planner");
   EXPECT_EQ(status_of(authority_), 0) << "no certificate";
-  EXPECT_EQ(status_of(authority_, stranger_.issue("planner", "")), 0) << "of another authority";
+  EXPECT_EQ(status_of(authority_, unauthenticated_.issue("planner", "")), 0) << "of another authority";
   EXPECT_EQ(status_of(authority_, clients_.issue("planner", "", -1)), 0) << "expired";
 }
 
 TEST_F(HttpSecurity, RenewedCertificatesCountAndBrokenOnesDoNot) {
-  const CertificateFiles files = authority_.issue_for_server(), renewed = stranger_.issue_for_server();
+  const CertificateFiles files = authority_.issue_for_server(), renewed = unauthenticated_.issue_for_server();
   start(tls_flags(files));
   EXPECT_EQ(status_of(authority_), 200);
   const auto over = std::filesystem::copy_options::overwrite_existing;
   std::filesystem::copy_file(renewed.certificate, files.certificate, over);
   EXPECT_EQ(status_of(authority_), 200) << "the key does not fit yet";
   std::filesystem::copy_file(renewed.key, files.key, over);
-  EXPECT_EQ(status_of(stranger_), 200) << server().log();
+  EXPECT_EQ(status_of(unauthenticated_), 200) << server().log();
   EXPECT_EQ(status_of(authority_), 0);
 }
 

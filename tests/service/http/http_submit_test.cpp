@@ -121,19 +121,19 @@ TEST_F(HttpSubmit, AProblemByItselfIsTakenToo) {
 TEST_F(HttpSubmit, EveryMemberOfTheRequestCounts) {
   start({"--client-priority", "interactive"});
   Json request = {{"problem", as_json(example_request().problem())},
-                  {"options", {{"starts", 7}, {"path", "PATH_PAPER"}}},
+                  {"options", {{"num_starts", 7}, {"path", "PATH_PAPER"}}},
                   {"priority", "PRIORITY_BATCH"},
                   {"request_id", "mine"}};
   request["problem"]["x0"] = {1, 2, 3, 4};
   const std::string id =
       posted(request, {{"traceparent", "00-" + std::string(32, 'a') + "-" + std::string(16, 'b') + "-01"}});
   ASSERT_TRUE(eventually_finished(id));
-  const v1::GetJobResponse told = job(id);
-  EXPECT_EQ(told.options().starts(), 7);
-  EXPECT_EQ(told.options().path(), v1::PATH_PAPER);
-  EXPECT_EQ(told.job().priority(), v1::PRIORITY_BATCH);
-  EXPECT_EQ(told.job().request_id(), "mine");
-  EXPECT_EQ(told.job().trace_id(), std::string(32, 'a'));
+  const v1::GetJobResponse reported = job(id);
+  EXPECT_EQ(reported.options().starts(), 7);
+  EXPECT_EQ(reported.options().path(), v1::PATH_PAPER);
+  EXPECT_EQ(reported.job().priority(), v1::PRIORITY_BATCH);
+  EXPECT_EQ(reported.job().request_id(), "mine");
+  EXPECT_EQ(reported.job().trace_id(), std::string(32, 'a'));
   request["priority"] = "PRIORITY_REALTIME";
   const auto above = post(request.dump());
   EXPECT_EQ(above->status, 403) << "a priority above the client's";
@@ -148,7 +148,7 @@ TEST_F(HttpSubmit, TheSameRequestByItsIdIsTheSameJob) {
   Json request = {{"problem", as_json(example_request().problem())}, {"request_id", "once"}};
   const std::string id = posted(request);
   EXPECT_EQ(posted(request), id);
-  request["options"]["starts"] = 2;
+  request["options"]["num_starts"] = 2;
   const auto other = post(request.dump());
   EXPECT_EQ(other->status, 400);
   EXPECT_EQ(error_of(other).at("field"), "request_id");
@@ -168,9 +168,9 @@ TEST_F(HttpSubmit, WhatIsWrongIsNamedByFieldAndIndex) {
            Case{R"({"problem":{"n":2,"g":[1]}})", "problem.g", -1},
            Case{R"({"problem":7})", "problem", -1},
            Case{R"({"options":{}})", "problem", -1},
-           Case{R"({"problem":{"n":1,"g":[1]},"options":{"starts":"x"}})", "options.starts", -1},
+           Case{R"({"problem":{"n":1,"g":[1]},"options":{"num_starts":"x"}})", "options.num_starts", -1},
            Case{R"({"problem":{"n":1,"g":[1]},"options":{"strts":1}})", "options.strts", -1},
-           Case{R"({"problem":{"n":1,"g":[1]},"options":{"starts":0}})", "options.starts", -1},
+           Case{R"({"problem":{"n":1,"g":[1]},"options":{"num_starts":0}})", "options.num_starts", -1},
            Case{R"({"problem":{"n":1,"g":[1]},"options":7})", "options", -1},
            Case{R"({"problem":{"n":1,"g":[1]},"options":[]})", "options", -1},
            Case{R"({"problem":{"n":1,"g":[1]},"nonsense":7})", "nonsense", -1},
@@ -196,7 +196,7 @@ TEST_F(HttpSubmit, AnErrorRepeatsOnlySoMuchOfWhatWasSent) {
   start();
   const std::string x(60000, 'x'), text = R"({"problem":{"n":1,"g":[1]},"options":)";
   for (const std::string& rest :
-       {R"({"starts":")" + x + "\"}}", "{\"" + x + "\":1}}", "\"" + x + "\"}", "1,\"" + x + "\":1}"}) {
+       {R"({"num_starts":")" + x + "\"}}", "{\"" + x + "\":1}}", "\"" + x + "\"}", "1,\"" + x + "\":1}"}) {
     const auto refused = post(text + rest);
     EXPECT_EQ(refused->status, 400);
     EXPECT_LT(refused->body.size(), 2000U) << rest.substr(0, 20);
@@ -234,15 +234,15 @@ TEST_F(HttpSubmit, AnAnswerThatIsNotThereYetIsAConflictAndAWaitEndsWithTheJob) {
     EXPECT_EQ(result_of(id, query)->status, 400) << query;
 }
 
-TEST_F(HttpSubmit, WhatEndedWithoutASolutionTellsWhy) {
+TEST_F(HttpSubmit, WhatEndedWithoutASolutionReportsWhy) {
   start({"--solve-bytes", std::to_string(1 << 20)});
   const std::string id = posted(as_json(long_request()));
   const auto result = result_of(id);
   ASSERT_EQ(result->status, 200) << result->body;
-  const Json told = Json::parse(result->body);
-  EXPECT_EQ(told.at("job_id"), id);
-  EXPECT_EQ(told.at("error").at("code"), "resource_exhausted");
-  EXPECT_FALSE(told.contains("solution"));
+  const Json reported = Json::parse(result->body);
+  EXPECT_EQ(reported.at("job_id"), id);
+  EXPECT_EQ(reported.at("error").at("code"), "resource_exhausted");
+  EXPECT_FALSE(reported.contains("solution"));
 }
 
 TEST_F(HttpSubmit, ADeletedJobIsGoneForThoseWhoWaitToo) {

@@ -18,7 +18,7 @@ class Http : public ServiceTest {
   [[nodiscard]] httplib::Client client() { return httplib::Client(server().http()); }
 };
 
-TEST_F(Http, ProbesAreToldWhetherItLivesAndTakesWork) {
+TEST_F(Http, ProbesAreReportedWhetherItLivesAndTakesWork) {
   start({"--drain-grace-s", "30"});
   auto http = client();
   EXPECT_EQ(http.Get("/healthz")->body, "ok\n");

@@ -129,9 +129,9 @@ class Memory : public HttpServiceTest {
     effect->mutable_entries()->set_part(v1::PROBLEM_PART_GRADIENT);
     effect->add_gains(0.01);
     const int most = power(random, 4, 11);
-    scenarios->set_most_scenarios(most);
-    scenarios->set_first_scenarios(random() % 2 == 0 ? most : 1);
-    scenarios->set_fresh_scenarios(power(random, 0, 11));
+    scenarios->set_max_sample_size(most);
+    scenarios->set_initial_sample_size(random() % 2 == 0 ? most : 1);
+    scenarios->set_out_of_sample_scenarios(power(random, 0, 11));
     return request;
   }
   static v1::SolveRequest blocks(Random& random) {

@@ -20,7 +20,7 @@ TEST_F(Reload, AddsAndRemovesTokens) {
   EXPECT_TRUE(ask(bearer(first.secret)).ok());
   EXPECT_FALSE(ask(bearer(second.secret)).ok());
   write("tokens", second.line);
-  EXPECT_TRUE(ask(bearer(first.secret)).ok()) << "not before it is told to";
+  EXPECT_TRUE(ask(bearer(first.secret)).ok()) << "not before it is asked to";
   reload();
   ASSERT_TRUE(eventually_reloaded(1));
   EXPECT_FALSE(ask(bearer(first.secret)).ok());

@@ -88,8 +88,8 @@ TEST_F(Start, RefusesOtherAddressesWithoutInsecure) {
   }
 }
 
-TEST_F(Start, ListensAnywhereWhenTold) {
-  start({"--listen", "0.0.0.0:0", "--insecure", "--anyone"});
+TEST_F(Start, ListensAnywhereWhenReported) {
+  start({"--listen", "0.0.0.0:0", "--insecure", "--allow-anonymous"});
   // Whoever listens on 127.0.0.1 alone does not hear this one.
   const std::string port = server().address().substr(server().address().rfind(':') + 1);
   const auto channel = grpc::CreateChannel("127.0.0.2:" + port, grpc::InsecureChannelCredentials());

@@ -1,5 +1,5 @@
-// What systemd, or whoever gave NOTIFY_SOCKET, is told: ready, reloading, stopping, in that order and not
-// before.
+// What systemd, or another owner of NOTIFY_SOCKET, receives: ready, reloading, stopping, in that order and
+// not before.
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -52,7 +52,7 @@ class Supervised : public ServiceTest {
   TemporaryDirectory directory_;
 };
 
-TEST_F(Supervised, IsToldWhenItAnswersReadsItsConfigurationAgainAndStops) {
+TEST_F(Supervised, IsReportedWhenItAnswersReadsItsConfigurationAgainAndStops) {
   const NotifySocket systemd(directory_.file("notify"));
   ASSERT_TRUE(systemd.bound());
   start();

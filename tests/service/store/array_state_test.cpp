@@ -54,14 +54,14 @@ TEST_F(ArrayState, AnswersStayAndTheRestRunsAfterAKill) {
     for (int i = 0; i < 20; ++i) before.push_back(*reader.next());
   }
   ASSERT_TRUE(eventually([&] { return node->job(id).array().done() == 20; }));
-  const v1::JobInfo told = node->job(id);
+  const v1::JobInfo reported = node->job(id);
   node->kill();
   node = std::make_unique<Node>(flags());
   const v1::JobInfo again = node->job(id);
   EXPECT_EQ(again.kind(), v1::JOB_KIND_ARRAY);
   EXPECT_EQ(again.priority(), v1::PRIORITY_INTERACTIVE);
   EXPECT_EQ(again.problem_name(), "forty");
-  EXPECT_NEAR(again.accepted_unix_s(), told.accepted_unix_s(), 1e-3);
+  EXPECT_NEAR(again.accepted_unix_s(), reported.accepted_unix_s(), 1e-3);
   EXPECT_GE(again.array().done(), 20);
   EXPECT_EQ(submit_array(node->jobs(), elements, setup), id) << "sent again it is the same job";
   ArrayReader reader(node->jobs(), id);

@@ -104,9 +104,9 @@ TEST_F(Fleet, AJobIsEndedFromAnotherServerWhetherItRunsOrWaits) {
   EXPECT_NE(a->job(first).server(), a->job(second).server()) << "each took one";
   const std::string waiting = a->submit(numbered(1));
   EXPECT_EQ(b->job(waiting).state(), v1::JOB_STATE_QUEUED);
-  v1::CancelJobResponse told;
-  EXPECT_TRUE(b->cancel(waiting, &told).ok());
-  EXPECT_EQ(told.job().state(), v1::JOB_STATE_FINISHED);
+  v1::CancelJobResponse reported;
+  EXPECT_TRUE(b->cancel(waiting, &reported).ok());
+  EXPECT_EQ(reported.job().state(), v1::JOB_STATE_FINISHED);
   EXPECT_EQ(a->job(waiting).state(), v1::JOB_STATE_FINISHED);
   v1::SolveResponse response;
   EXPECT_EQ(a->result(waiting, true, &response).error_code(), grpc::StatusCode::CANCELLED);
@@ -159,7 +159,7 @@ TEST_F(Fleet, ARequestIdIsOneJobWhicheverServerIsAsked) {
 }
 
 TEST_F(Fleet, PrioritiesAndTurnsHoldForAllServers) {
-  const auto a = start({"--passed-over-s", "1000"}), b = start({"--passed-over-s", "1000"});
+  const auto a = start({"--starvation-limit-s", "1000"}), b = start({"--starvation-limit-s", "1000"});
   const std::string first = occupy(*a), second = occupy(*b);
   const auto submit = [&](Node& node, const char* client, v1::Priority priority) {
     grpc::ClientContext context;
@@ -295,7 +295,7 @@ TEST_F(Fleet, WithoutTheStoreEverythingElseGoesOn) {
     EXPECT_TRUE(retry_info(refused).has_value());
     ASSERT_TRUE(eventually([&] { return a->ready() != "200 ready\n"; }));
     EXPECT_EQ(a->ready().rfind("200 ready, but no job can be submitted: ", 0), 0U) << a->ready();
-    EXPECT_EQ(a->job(running).state(), v1::JOB_STATE_RUNNING) << "what is known is told";
+    EXPECT_EQ(a->job(running).state(), v1::JOB_STATE_RUNNING) << "what is known is reported";
     a->get("never heard of", grpc::StatusCode::UNAVAILABLE);
     database_.start();
     ASSERT_TRUE(eventually([&] { return a->submit(numbered(killed ? 3 : 4), &id).ok(); }));
@@ -339,29 +339,29 @@ TEST_F(Fleet, JobsAndAnswersOutliveAllServers) {
 
 TEST_F(Fleet, WhatAnAnswerSaysBesidesItsPlanIsThereOnEveryServerToTheLastByte) {
   const OwnedCoupled cell = random_coupled({.blocks = 3}, 7);
-  v1::SolveRequest tied, worlds;
+  v1::SolveRequest tied, scenarios;
   to_message(cell.view(), tied.mutable_coupled());
-  const examples::OneNumberWorlds rocket = examples::rocket_by_altitude();
-  const ScenarioProblem problem = rocket.worlds(std::vector<double>{3.0, 3.5, 4.0});
-  to_message(problem.base, worlds.mutable_problem());
-  ASSERT_TRUE(to_message(problem, problem.scenarios, worlds.mutable_scenarios()));
+  const examples::OneNumberScenarios rocket = examples::rocket_by_altitude();
+  const ScenarioProblem problem = rocket.scenarios(std::vector<double>{3.0, 3.5, 4.0});
+  to_message(problem.base, scenarios.mutable_problem());
+  ASSERT_TRUE(to_message(problem, problem.scenarios, scenarios.mutable_scenarios()));
   auto a = start(), b = start();
-  const std::string of_blocks = a->submit(tied), of_worlds = b->submit(worlds);
-  std::map<std::string, std::string> told;
-  for (const std::string& id : {of_blocks, of_worlds}) {
+  const std::string of_blocks = a->submit(tied), of_scenarios = b->submit(scenarios);
+  std::map<std::string, std::string> reported;
+  for (const std::string& id : {of_blocks, of_scenarios}) {
     v1::SolveResponse here, there;
     ASSERT_TRUE(a->result(id, true, &here).ok());
     ASSERT_TRUE(b->result(id, true, &there).ok());
     EXPECT_EQ(here.solution().has_coupled(), id == of_blocks);
-    EXPECT_EQ(here.solution().has_scenarios(), id == of_worlds);
+    EXPECT_EQ(here.solution().has_scenarios(), id == of_scenarios);
     EXPECT_EQ(here.SerializeAsString(), there.SerializeAsString());
-    told[id] = here.SerializeAsString();
+    reported[id] = here.SerializeAsString();
     EXPECT_EQ(a->get(id).DebugString(), b->get(id).DebugString());
   }
   a->kill();
   b->stop();
   const auto later = start();
-  for (const auto& [id, bytes] : told) {
+  for (const auto& [id, bytes] : reported) {
     v1::SolveResponse response;
     ASSERT_TRUE(later->result(id, true, &response).ok());
     EXPECT_EQ(response.SerializeAsString(), bytes);
@@ -386,7 +386,7 @@ TEST_F(Fleet, TablesOfAnotherVersionAreRefusedInWords) {
   EXPECT_EQ(refused({"--state", database_.uri(), "--check-state"}, "is of version 7"), 2);
 }
 
-TEST_F(Fleet, AnAddressThatTellsASecretIsRefusedAndNotRepeated) {
+TEST_F(Fleet, AnAddressThatReportsASecretIsRefusedAndNotRepeated) {
   for (const auto& [address, why] :
        {std::pair("mysql://x:secret@y", "must begin with postgresql://"),
         std::pair("postgresql://x:secret@y/z", "must hold no password"),
@@ -397,7 +397,7 @@ TEST_F(Fleet, AnAddressThatTellsASecretIsRefusedAndNotRepeated) {
   EXPECT_EQ(refused({"--state", database_.uri(), "--state-dir", "/nowhere"}, "beside state_dir"), 2);
 }
 
-TEST_F(Fleet, AMissingLibraryIsToldWithThePackageThatHasIt) {
+TEST_F(Fleet, AMissingLibraryIsReportedWithThePackageThatHasIt) {
   TemporaryDirectory directory;
   std::ofstream(directory.file("libpq.so.5")).put('?');  // found first, and no library
   setenv("LD_LIBRARY_PATH", std::filesystem::path(directory.file("x")).parent_path().c_str(), 1);

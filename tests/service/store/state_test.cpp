@@ -165,12 +165,12 @@ TEST_F(State, AFullDiskRefusesJobsAndNothingElse) {
   const std::string before = submit(example_request());
   v1::SolveResponse response;
   ASSERT_TRUE(result(before, true, &response).ok());
-  const auto told = [&](const char* value) {
+  const auto reported = [&](const char* value) {
     const auto metrics = httplib::Client(server().http()).Get("/metrics");
     return metrics &&
            metrics->body.find("\nmarble_state_written " + std::string(value) + "\n") != std::string::npos;
   };
-  EXPECT_TRUE(told("1"));
+  EXPECT_TRUE(reported("1"));
   rlimit unlimited = {};
   ASSERT_EQ(prlimit(server().pid(), RLIMIT_FSIZE, nullptr, &unlimited), 0);
   const rlimit full = {kFull, unlimited.rlim_max};
@@ -183,11 +183,11 @@ TEST_F(State, AFullDiskRefusesJobsAndNothingElse) {
   EXPECT_TRUE(result(before, true, &response).ok());
   EXPECT_TRUE(eventually([&] { return !server().log_lines({"state_not_written"}).empty(); }))
       << server().log();
-  EXPECT_TRUE(told("0"));
+  EXPECT_TRUE(reported("0"));
   ASSERT_EQ(prlimit(server().pid(), RLIMIT_FSIZE, &unlimited, nullptr), 0);
   ASSERT_TRUE(eventually([&] { return submit(example_request(), &id).ok(); }));
   EXPECT_TRUE(result(id, true, &response).ok());
-  EXPECT_TRUE(told("1"));
+  EXPECT_TRUE(reported("1"));
   kill_it();
   start();
   EXPECT_TRUE(result(before, true, &response).ok());
@@ -202,8 +202,8 @@ TEST_F(State, AJobThatEndsWhileTheDiskIsFullHasItsAnswer) {
   ASSERT_EQ(prlimit(server().pid(), RLIMIT_FSIZE, nullptr, &unlimited), 0);
   const rlimit full = {kFull, unlimited.rlim_max};
   ASSERT_EQ(prlimit(server().pid(), RLIMIT_FSIZE, &full, nullptr), 0);
-  const grpc::Status told = cancel(running);  // ends; that it was told to cannot be kept yet
-  EXPECT_EQ(told.error_code(), grpc::StatusCode::UNAVAILABLE) << told.error_message();
+  const grpc::Status reported = cancel(running);  // ends; that it was asked to cannot be stored yet
+  EXPECT_EQ(reported.error_code(), grpc::StatusCode::UNAVAILABLE) << reported.error_message();
   v1::SolveResponse response;
   ASSERT_TRUE(result(running, true, &response).ok());
   EXPECT_EQ(response.solution().status(), v1::STATUS_CANCELLED);

@@ -1,4 +1,4 @@
-// GetInfo, health and reflection: what the server tells about itself.
+// GetInfo, health and reflection: what the server reports about itself.
 #include <google/protobuf/descriptor.h>
 
 #include <algorithm>
@@ -19,14 +19,14 @@ class Info : public ServiceTest {
     EXPECT_TRUE(stub->GetInfo(&context, {}, &response).ok());
     return response;
   }
-  // What reflection tells of the file that has a symbol.
+  // What reflection reports of the file that has a symbol.
   RawAnswer file_of(const std::string& symbol) {
     const std::string asked = std::string("\x22") + static_cast<char>(symbol.size()) + symbol;
     return raw_call(channel(), "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", asked);
   }
 };
 
-TEST_F(Info, TellsEveryLimitInForce) {
+TEST_F(Info, ReportsEveryLimitInForce) {
   // Each of the message's limits is set to a number of its own.
   const auto* descriptor = v1::Limits::descriptor();
   const auto value = [](const google::protobuf::FieldDescriptor& field) {
@@ -67,7 +67,7 @@ TEST_F(Info, TellsEveryLimitInForce) {
   }
 }
 
-TEST_F(Info, TellsTheCallersQuota) {
+TEST_F(Info, ReportsTheCallersQuota) {
   start({"--client-running", "1", "--client-bytes", "21", "--client-priority", "batch", "--workers", "2",
          "--queue-jobs", "23", "--sessions", "11", "--client-sessions", "99"});
   const v1::Quota quota = info().limits().quota();
@@ -79,7 +79,7 @@ TEST_F(Info, TellsTheCallersQuota) {
   EXPECT_EQ(quota.priority(), v1::PRIORITY_BATCH);
 }
 
-TEST_F(Info, TellsTheServersOwnDefaultsOfOptions) {
+TEST_F(Info, ReportsTheServersOwnDefaultsOfOptions) {
   TemporaryDirectory directory;
   std::ofstream(directory.file("config.toml")) << "[solver]\nmax_iterations = 7\npath = \"paper\"\n";
   start({"--config", directory.file("config.toml")});
@@ -90,7 +90,7 @@ TEST_F(Info, TellsTheServersOwnDefaultsOfOptions) {
   EXPECT_EQ(defaults.at("path"), 1.0) << "the second choice";
 }
 
-TEST_F(Info, TellsEveryOptionOfTheTable) {
+TEST_F(Info, ReportsEveryOptionOfTheTable) {
   start();
   const v1::GetInfoResponse response = info();
   ASSERT_EQ(response.options_size(), static_cast<int>(option_table().size()));

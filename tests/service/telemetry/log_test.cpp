@@ -40,11 +40,11 @@ class LogLines : public SecureServiceTest {
     return result;
   }
   /// Lines of an event of one client, and how many more there would have been.
-  struct Told {
+  struct Reported {
     int lines = 0, suppressed = 0;
   };
-  [[nodiscard]] Told told(const std::string& event, const std::string& client) {
-    Told result;
+  [[nodiscard]] Reported reported(const std::string& event, const std::string& client) {
+    Reported result;
     for (const Json& line : lines()) {
       if (line.value("client", "") != client) continue;
       const bool itself = line["event"] == event;
@@ -79,16 +79,16 @@ TEST_F(LogLines, AFloodOfRefusalsGivesFewLinesThatAddUp) {
   for (int i = 0; i < 3; ++i) EXPECT_FALSE(solve_as("other", {}).ok());
   const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   stop();
-  const Told flood = told("refused", "flood");
+  const Reported flood = reported("refused", "flood");
   EXPECT_GE(flood.lines, 5);
   EXPECT_LE(flood.lines, 6 + 5 * took_s);
   EXPECT_EQ(flood.lines + flood.suppressed, 500);
-  const Told other = told("refused", "other");
+  const Reported other = reported("refused", "other");
   EXPECT_EQ(other.lines, 3) << "a flood takes nothing from others";
   EXPECT_EQ(other.suppressed, 0);
 }
 
-TEST_F(LogLines, WhatWasHeldBackIsToldWhileTheServerRuns) {
+TEST_F(LogLines, WhatWasHeldBackIsReportedWhileTheServerRuns) {
   start({"--log-lines-per-s", "1"});
   for (int i = 0; i < 20; ++i) EXPECT_FALSE(solve_as("flood", {}).ok());
   EXPECT_TRUE(
@@ -99,12 +99,12 @@ TEST_F(LogLines, AFloodOfSmallSolvesAddsUpToo) {
   start({"--log-format", "json", "--log-lines-per-s", "2"});
   for (int i = 0; i < 100; ++i) EXPECT_TRUE(solve_as("busy", example_request()).ok());
   stop();
-  const Told busy = told("job", "busy");
+  const Reported busy = reported("job", "busy");
   EXPECT_GE(busy.suppressed, 1);
   EXPECT_EQ(busy.lines + busy.suppressed, 100);
 }
 
-TEST_F(LogLines, WrongTokensAreToldByHostAndLimited) {
+TEST_F(LogLines, WrongTokensAreReportedByHostAndLimited) {
   start({"--log-lines-per-s", "1", "--tokens", write("tokens", new_token("planner:solve").line)});
   for (int i = 0; i < 30; ++i) EXPECT_FALSE(ask(bearer("wrong")).ok());
   EXPECT_TRUE(eventually_logged({"refused component=access", "unauthenticated"})) << server().log();
@@ -166,9 +166,10 @@ TEST_F(LogLines, LevelsAreByComponentAndCanBeReloaded) {
 }
 
 TEST_F(LogLines, ALevelOfNothingIsAFaultThatNamesIt) {
-  const Run told = run({"--check-config", "--log-levels", "sessions=debug"});
-  EXPECT_EQ(told.exit_code, 2);
-  EXPECT_TRUE(told.said("flag --log-levels: log_levels = sessions: must be one of server, ")) << told.output;
+  const Run reported = run({"--check-config", "--log-levels", "sessions=debug"});
+  EXPECT_EQ(reported.exit_code, 2);
+  EXPECT_TRUE(reported.said("flag --log-levels: log_levels = sessions: must be one of server, "))
+      << reported.output;
 }
 
 TEST_F(LogLines, WhatGrpcHasToSayIsALineOfOurs) {

@@ -206,7 +206,7 @@ class Prometheus : public SecureServiceTest {
         output);
     return process.wait() == 0 ? "" : "failed: " + process.output();
   }
-  /// Name → type, as the server tells them.
+  /// Name → type, as the server reports them.
   [[nodiscard]] std::map<std::string, std::string> metric_types() {
     const std::string table = run({"--print-metrics"}).output;
     std::map<std::string, std::string> types;
@@ -264,11 +264,12 @@ TEST_F(Prometheus, SumsAreWhatTheClientsSaw) {
     EXPECT_TRUE(eventually_gives(query, value))
         << query << " is " << prometheus_->value(query) << " and not " << value;
   }
-  const v1::Counters told = ask(bearer(eye_.secret)).info.counters();
-  EXPECT_TRUE(eventually_gives("marble_jobs_accepted_total", static_cast<double>(told.accepted_total())));
-  EXPECT_TRUE(eventually_gives("sum(marble_jobs_refused_total)", static_cast<double>(told.refused_total())));
+  const v1::Counters reported = ask(bearer(eye_.secret)).info.counters();
+  EXPECT_TRUE(eventually_gives("marble_jobs_accepted_total", static_cast<double>(reported.accepted_total())));
+  EXPECT_TRUE(
+      eventually_gives("sum(marble_jobs_refused_total)", static_cast<double>(reported.refused_total())));
   EXPECT_TRUE(eventually_gives("sum(marble_solves_total)",
-                               static_cast<double>(told.answered_total() + 1 + told.updates_total())))
+                               static_cast<double>(reported.answered_total() + 1 + reported.updates_total())))
       << "answers, the cancelled job's iterate, and updates";
 }
 
@@ -318,10 +319,10 @@ TEST_F(Prometheus, ItsToolFindsNoFaultInTheFilesOfDeploy) {
 TEST_F(Prometheus, ItsToolFindsNoFaultInTheMetrics) {
   start({"--http", "127.0.0.1:0"});
   ASSERT_TRUE(lives());
-  const auto told = metrics("");
-  ASSERT_EQ(told->status, 200);
-  EXPECT_EQ(told->get_header_value("Content-Type"), "text/plain; version=0.0.4; charset=utf-8");
-  EXPECT_EQ(promtool("check metrics < '" + write("metrics", told->body) + "'"), "");
+  const auto reported = metrics("");
+  ASSERT_EQ(reported->status, 200);
+  EXPECT_EQ(reported->get_header_value("Content-Type"), "text/plain; version=0.0.4; charset=utf-8");
+  EXPECT_EQ(promtool("check metrics < '" + write("metrics", reported->body) + "'"), "");
 }
 
 TEST_F(Prometheus, MetricsAreForObservers) {
@@ -342,10 +343,10 @@ TEST_F(Prometheus, AMethodThatIsNotThereMakesNoSeriesOfItsOwn) {
   for (const char* method : {"/marble.v1.Solver/Nothing", "/guess/Work"})
     EXPECT_EQ(raw_call(channel(), method, "").status.error_code(), grpc::StatusCode::UNIMPLEMENTED);
   EXPECT_EQ(health(), "SERVING");
-  const std::string told = metrics("")->body;
-  EXPECT_EQ(told.find("Nothing"), std::string::npos);
-  EXPECT_EQ(told.find("guess"), std::string::npos);
-  EXPECT_NE(told.find(R"(marble_rpcs_total{code="OK",method="grpc.health.v1.Health/Check"} 1)"),
+  const std::string reported = metrics("")->body;
+  EXPECT_EQ(reported.find("Nothing"), std::string::npos);
+  EXPECT_EQ(reported.find("guess"), std::string::npos);
+  EXPECT_NE(reported.find(R"(marble_rpcs_total{code="OK",method="grpc.health.v1.Health/Check"} 1)"),
             std::string::npos);
 }
 

@@ -1,4 +1,4 @@
-// A client's trace through the server: taken up by every call, told in answers, logs and jobs.
+// A client's trace through the server: taken up by every call, reported in answers, logs and jobs.
 #include <functional>
 #include <map>
 

@@ -21,7 +21,7 @@ inline void expect_same_bits(const Solution& there, const Solution& here) {
   EXPECT_EQ(there.gap, here.gap);
   EXPECT_EQ(there.nodes, here.nodes);
   EXPECT_EQ(there.open_nodes, here.open_nodes);
-  EXPECT_EQ(there.warm_nodes, here.warm_nodes);
+  EXPECT_EQ(there.reused_nodes, here.reused_nodes);
 }
 
 }  // namespace marble::testing

@@ -52,7 +52,7 @@ TEST(BranchPoint, ReadsABranchOffASolutionOfAnotherProblem) {
   Workbench w(row_and_pair(), unscaled());
   BranchEngines branch(w.problem, *w.kkt);
   Iterate x(w.problem);
-  x.z() << 0.4, 0.5, 1.01;  // sides that are both off zero: the multipliers tell
+  x.z() << 0.4, 0.5, 1.01;  // sides that are both off zero: the multipliers decide
   x.lambda_w()[0] = -0.5;
   x.lambda_L()[0] = 0.1;
   x.lambda_R()[0] = -2.0;
@@ -79,7 +79,7 @@ TEST(BranchPoint, ReadsABranchOffAPoint) {
   EXPECT_EQ(branch.point.x.z(), t_smaller);
 }
 
-TEST(BranchPoint, AFactorTellsNegativeCurvatureThatNoRowHolds) {
+TEST(BranchPoint, AFactorReportsNegativeCurvatureThatNoRowHolds) {
   OwnedProblem p = row_and_pair();
   p.Q = compress(3, 3, {{0, 1, 2}, {0, 1, 2}, {1.0, 1.0, -1.0}}, "Q").value();
   Workbench w(p);

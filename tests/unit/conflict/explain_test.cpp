@@ -145,7 +145,7 @@ TEST(Explain, ChangesNoBitOfAnAnswerThatIsFeasible) {
 // Without its searches the solver proves nothing of three_switches().
 Options without_searches() {
   Options options = explaining();
-  options.feasibility_budget = options.small_budget = 0;
+  options.max_feasibility_factorizations = options.max_small_problem_nodes = 0;
   return options;
 }
 
@@ -175,7 +175,7 @@ TEST(Explain, SaysWhereALocallyInfeasibleProblemHasAPoint) {
     builder.pair(left, right);
   }
   Options options = without_searches();
-  options.local_search_budget = 0;
+  options.max_local_search_factorizations = 0;
   const Solution s = explained(builder.optimum(0.0).problem, options);
   ASSERT_EQ(s.status, Status::locally_infeasible);
   EXPECT_FALSE(s.conflict.has_value());

@@ -254,7 +254,7 @@ TEST(Coupled, AStopEndsItInTheNextIteration) {
   EXPECT_LE(answer.coordination.last.iteration, 2);
 }
 
-TEST(Coupled, TheTimeLimitIsAnAnswerThatTellsHowFarItIs) {
+TEST(Coupled, TheTimeLimitIsAnAnswerThatReportsHowFarItIs) {
   const testing::OwnedCoupled coupled = random_coupled({}, 1);
   CoupledOptions options;
   options.options.time_limit_s = 0.0;
@@ -281,7 +281,7 @@ TEST(Coupled, ReportsTheViolationsOfABlockThatStopsEarlyByItsOwnRows) {
   const SparseMatrix rows = testing::sparse(Eigen::MatrixXd{{-3.0, 0.0}, {0.0, -0.5}, {-1.0, -2.0}});
   CoupledOptions options{.max_iterations = 12, .freeze_after = 1, .searches = 1, .flips = 2};
   options.options.max_iterations = 150;
-  options.options.local_search_budget = options.options.feasibility_budget = 60;
+  options.options.max_local_search_factorizations = options.options.max_feasibility_factorizations = 60;
   const std::vector<double> total(3, 0.0);
   const CoupledView view{{{"block", block.view(), rows.view()}}, total};
   const CoupledSolution answer = solve_coupled(view, options).value();
@@ -292,7 +292,7 @@ TEST(Coupled, ReportsTheViolationsOfABlockThatStopsEarlyByItsOwnRows) {
   EXPECT_NEAR(answer.joint.violations.complementarity, verdict.complementarity, 1e-9);
 }
 
-TEST(Coupled, BlocksThatDoNotAgreeTellByHowMuch) {
+TEST(Coupled, BlocksThatDoNotAgreeReportByHowMuch) {
   const testing::OwnedCoupled coupled = random_coupled({}, 1);
   CoupledOptions options;
   options.joint = false, options.max_iterations = 1;

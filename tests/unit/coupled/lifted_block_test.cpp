@@ -22,7 +22,7 @@ BlockAsk at_price(std::vector<double> price) {
 
 Solution near(const LiftedBlock& block, const Solution* start) {
   Options options;
-  if (start != nullptr) options.local_search_budget = 0;
+  if (start != nullptr) options.max_local_search_factorizations = 0;
   Solver solver = Solver::create(Problem::create(block.problem().view()).value(), options).value();
   SolveControls controls;
   controls.warm_start = start;

@@ -35,18 +35,18 @@ OwnedProblem with_pairs(std::uint64_t seed) {
 }
 
 // The error's field, or how the answer is wrong; empty where it is right.
-std::string told(const ProblemView& problem, const Expected<Solution>& answer) {
+std::string reported(const ProblemView& problem, const Expected<Solution>& answer) {
   if (!answer) return answer.error().field;
   if (!is_solved(answer->status)) return "not solved";
   return testing::judge(problem, *answer).infeasibility() <= 1e-6 ? "" : "a wrong answer";
 }
 
-std::string plain(const OwnedProblem& p) { return told(p.view(), solve_in_process(p.view())); }
+std::string plain(const OwnedProblem& p) { return reported(p.view(), solve_in_process(p.view())); }
 
 std::string coupled(const testing::OwnedCoupled& c) {
   const auto answer = solve_coupled(c.view());
   if (!answer) return answer.error().field;
-  return told(joint_problem(c.view()).view(), answer->joint);
+  return reported(joint_problem(c.view()).view(), answer->joint);
 }
 
 std::string in_pieces(const OwnedProblem& p) {
@@ -55,7 +55,7 @@ std::string in_pieces(const OwnedProblem& p) {
   std::vector<Index> stages;
   for (Index j = 0; j < problem->variables(); ++j) stages.push_back(j);
   const auto answer = solve_in_pieces(*problem, stages, {.pieces = 2});
-  return answer ? told(p.view(), answer->whole) : answer.error().field;
+  return answer ? reported(p.view(), answer->whole) : answer.error().field;
 }
 
 std::string scenarios(const OwnedProblem& p) {
@@ -64,12 +64,12 @@ std::string scenarios(const OwnedProblem& p) {
       .first_stage = {0},
       .sample = [](std::int64_t) -> Expected<ScenarioNumbers> { return ScenarioNumbers{}; },
       .scenarios = 2};
-  const auto answer = solve_scenarios(problem, {.most_scenarios = 2, .fresh_scenarios = 0});
+  const auto answer = solve_scenarios(problem, {.max_sample_size = 2, .out_of_sample_scenarios = 0});
   return answer ? "" : answer.error().field;
 }
 
-bool names(const std::string& told, const std::string& matrix) {
-  return told.find(matrix + ".") != std::string::npos;
+bool names(const std::string& reported, const std::string& matrix) {
+  return reported.find(matrix + ".") != std::string::npos;
 }
 
 class PartialMatrices : public ::testing::TestWithParam<PartialMatrix> {};

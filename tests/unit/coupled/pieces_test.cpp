@@ -59,10 +59,10 @@ TEST(Pieces, TheyAgreeOnTheObjectiveOfTheirJointBranch) {
   EXPECT_LE(verdict.stationarity, 1e-6);
 }
 
-TEST(Pieces, ThatLookAheadTooLittleAgreeByShorterSteps) {
+TEST(Pieces, ThatOverlapTooLittleAgreeByShorterSteps) {
   const OwnedProblem p = examples::hopper({.steps = 240});
   const PiecesSolution answer =
-      solve_in_pieces(Problem::create(p.view()).value(), stages(240), {.pieces = 4, .look_ahead = 8}).value();
+      solve_in_pieces(Problem::create(p.view()).value(), stages(240), {.pieces = 4, .overlap = 8}).value();
   ASSERT_TRUE(is_solved(answer.whole.status)) << answer.whole.detail;
   EXPECT_EQ(answer.coordination.status, Status::solved) << answer.coordination.detail;
   EXPECT_EQ(answer.coordination.last.proximal, 100.0) << "not held harder";
@@ -106,19 +106,19 @@ TEST(Pieces, StagesAndPiecesOutOfRangeAreNamed) {
   EXPECT_FALSE(cut(problem, none_in_1).has_value());
   none_in_1.back() = -1;
   EXPECT_EQ(cut(problem, none_in_1).error().index, static_cast<std::int64_t>(p.g.size()) - 1);
-  EXPECT_EQ(solve_in_pieces(problem, stages(3), {.look_ahead = -2}).error().field, "look_ahead");
+  EXPECT_EQ(solve_in_pieces(problem, stages(3), {.overlap = -2}).error().field, "overlap");
   EXPECT_EQ(
       solve_in_pieces(problem, stages(3), {.coupled = {.freeze_after = 5, .joint = false}}).error().field,
       "joint");
 }
 
 // As under UndefinedBehaviorSanitizer: the largest numbers that a request may have overflow nothing.
-TEST(Pieces, TheLargestLookAheadReachesTheEnd) {
+TEST(Pieces, TheLargestOverlapReachesTheEnd) {
   const OwnedProblem p = examples::hopper({.steps = 6});
   const Problem problem = Problem::create(p.view()).value();
   std::vector<double> objectives;
-  for (const Index look_ahead : {5, 1 << 30, std::numeric_limits<Index>::max()}) {
-    const auto answer = solve_in_pieces(problem, stages(6), {.pieces = 2, .look_ahead = look_ahead});
+  for (const Index overlap : {5, 1 << 30, std::numeric_limits<Index>::max()}) {
+    const auto answer = solve_in_pieces(problem, stages(6), {.pieces = 2, .overlap = overlap});
     ASSERT_TRUE(answer) << answer.error().message();
     ASSERT_TRUE(is_solved(answer->whole.status)) << answer->whole.detail;
     objectives.push_back(answer->sweep_objective);

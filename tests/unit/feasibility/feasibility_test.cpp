@@ -156,14 +156,15 @@ TEST(Feasibility, ComplementarityProblemsOfNoClassAreSolvedUpToFortyPairs) {
 TEST(Feasibility, ItsBudgetIsKeptAndNoneSwitchesItOff) {
   const OwnedProblem p = sums(14, 3).second;
   Options options;
-  options.feasibility_budget = 0;
+  options.max_feasibility_factorizations = 0;
   const Solution without = solve_in_process(p.view(), options).value();
   EXPECT_EQ(without.status, Status::locally_infeasible) << without.detail;
-  options.feasibility_budget = 200;
+  options.max_feasibility_factorizations = 200;
   const Solution little = solve_in_process(p.view(), options).value();
   EXPECT_GE(little.factorizations, without.factorizations);
   // One engine may be under way when it ends.
-  EXPECT_LE(little.factorizations, without.factorizations + 200 + options.local_search_budget + 300);
+  EXPECT_LE(little.factorizations,
+            without.factorizations + 200 + options.max_local_search_factorizations + 300);
 }
 
 // 0 ≤ x ⊥ u − A y ≥ 0, 0 ≤ y ⊥ v − Bᵀx ≥ 0, x and y on simplices: every game has an equilibrium, and the

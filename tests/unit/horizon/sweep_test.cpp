@@ -70,7 +70,7 @@ TEST(Sweep, ASegmentThatLeavesNoWayOnIsSolvedOnceMoreWithTheNextOne) {
   p.A = compress(1, 2, A, "A").value(), p.b = {-1.0};
   p.C = compress(1, 2, C, "C").value(), p.d = {0.0};
   const std::vector<Index> stage = {0, 1}, ends = {1, 2};
-  const Solution s = swept(p, {.stage_of_variable = stage, .ends = ends, .look_ahead = 0});
+  const Solution s = swept(p, {.stage_of_variable = stage, .ends = ends, .overlap = 0});
   ASSERT_TRUE(is_solved(s.status)) << s.detail;
   EXPECT_NEAR(s.z[0], 1.0, 1e-9);
   EXPECT_NEAR(s.z[1], 0.0, 1e-9);
@@ -86,7 +86,7 @@ TEST(Sweep, OneThatHasNoAnswerIsNamed) {
   p.Q = compress(2, 2, Q, "Q").value();
   p.C = compress(2, 2, C, "C").value(), p.d = {-1.0, 0.0};
   const std::vector<Index> stage = {0, 1}, ends = {1, 2};
-  const Solution s = swept(p, {.stage_of_variable = stage, .ends = ends, .look_ahead = 0});
+  const Solution s = swept(p, {.stage_of_variable = stage, .ends = ends, .overlap = 0});
   EXPECT_EQ(s.status, Status::infeasible);
   EXPECT_EQ(s.detail.rfind("piece 1", 0), 0U) << s.detail;
 }

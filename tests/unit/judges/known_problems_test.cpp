@@ -92,7 +92,7 @@ TEST(KnownProblems, HaveTheSameAnswersInOtherUnitsOfVariablesRowsAndCost) {
   }
 }
 
-TEST(KnownProblems, OfRoboticsAreSolvedToTheObjectivesThatTheReadmeTells) {
+TEST(KnownProblems, OfRoboticsAreSolvedToTheObjectivesThatTheReadmeReports) {
   const struct {
     OwnedProblem problem;
     double objective;

@@ -187,7 +187,7 @@ TEST(Kkt, AFactorizationDoesNotDependOnTheOnesBefore) {
   }
 }
 
-TEST(Kkt, ANegativeWeightOnAKeptRowIsToldFromANegativePivotOfTheRest) {
+TEST(Kkt, ANegativeWeightOnAKeptRowIsReportedFromANegativePivotOfTheRest) {
   // H = q + k for one variable and one pair whose L is 1: convex while q + k > 0, however the row is treated.
   OwnedProblem problem;
   problem.g = {0.0};

@@ -201,7 +201,7 @@ TEST(AladinBeta, ReachesAMinimumItselfAndItsThreeProblemsAgreeThere) {
 }
 
 // In exact arithmetic x = y for ever, down to the corner; rounding alone would choose.
-TEST(AladinBeta, TellsEqualSidesApart) {
+TEST(AladinBeta, ReportsEqualSidesApart) {
   OwnedProblem p = two_sides(1.0);
   p.g = {-1.0, -1.0};
   const std::vector<double> start = {1.0, 1.0};

@@ -27,7 +27,7 @@ TEST(Reference, EveryMethodEndsAtTheOneMinimum) {
   }
 }
 
-TEST(Reference, MostConvexProblemsAreSolvedByEachAndNoAnswerIsBetterThanItIsToldToBe) {
+TEST(Reference, MostConvexProblemsAreSolvedByEachAndNoAnswerIsBetterThanItIsReportedToBe) {
   for (const Method method : kOthers) {
     int solved = 0;
     for (std::uint64_t seed = 1; seed <= 20; ++seed) {
@@ -80,7 +80,7 @@ TEST(Reference, ASolverMayChangeItsMethodFromSolveToSolve) {
   EXPECT_EQ(solver.solve().value().z, ours.z);
 }
 
-TEST(Reference, ProgressTellsPenaltiesAndTauOrMu) {
+TEST(Reference, ProgressReportsPenaltiesAndTauOrMu) {
   for (const Method method : kOthers) {
     testing::Rows rows;
     static_cast<void>(

@@ -67,7 +67,7 @@ class Looking final : public TaskRunner {
 TEST(Activity, FurtherStartsAreCounted) {
   const OwnedProblem p = examples::hopper({.steps = 16});
   Options options;
-  options.starts = 9;
+  options.num_starts = 9;
   ActivityMonitor monitor;
   Looking looking(monitor);
   const Solution s = solve_in_process(p.view(), options, {.runner = &looking, .activity = &monitor}).value();
@@ -103,7 +103,7 @@ TEST(Activity, ATreeShowsItsNodesIncumbentAndGap) {
     const ActivityMonitor& monitor_;
   };
   Options options;
-  options.global = true;
+  options.global_search = true;
   options.node_limit = 300;
   ActivityMonitor monitor;
   Rows rows(monitor);

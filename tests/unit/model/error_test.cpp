@@ -44,7 +44,7 @@ TEST(Error, IsMadeWithWhatIsKnownAndNothingElse) {
   EXPECT_EQ(failure(ErrorCode::internal, "failed").message(), "failed");
 }
 
-TEST(Error, IsToldOnPathsOfWhoHoldsTheField) {
+TEST(Error, IsReportedOnPathsOfWhoHoldsTheField) {
   const Error error = invalid("A.values", 3, "nan", "must be finite");
   EXPECT_EQ(inside("problem", error).message(), "problem.A.values[3] = nan: must be finite");
   EXPECT_EQ(of_field("gradient", error).message(), "gradient[3] = nan: must be finite");

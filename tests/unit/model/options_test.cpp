@@ -50,8 +50,8 @@ TEST(Options, TextIsParsedByType) {
 TEST(Options, ThoseThatCountOnlyBesideOthersSaySo) {
   const std::set<std::string_view> printed_too = {"kappa_factor", "rho_initial", "rho_factor",
                                                   "inner_tolerance"};
-  const std::set<std::string_view> solver_only = {"scaling_passes", "polish", "local_search_budget",
-                                                  "starts"};
+  const std::set<std::string_view> solver_only = {"scaling_passes", "polish",
+                                                  "max_local_search_factorizations", "num_starts"};
   std::set<std::string_view> others;
   for (const OptionInfo& option : option_table()) {
     const std::string_view scope = option_scope(option.name);
@@ -63,22 +63,23 @@ TEST(Options, ThoseThatCountOnlyBesideOthersSaySo) {
       others.insert(option.name);
     }
   }
-  EXPECT_EQ(others, (std::set<std::string_view>{"node_limit", "feasibility_budget", "small_budget"}));
+  EXPECT_EQ(others, (std::set<std::string_view>{"node_limit", "max_feasibility_factorizations",
+                                                "max_small_problem_nodes"}));
   EXPECT_EQ(option_scope("no_option"), "");
 }
 
 TEST(Options, CountOnlyWhereTheirScopeHolds) {
   Options options;
   EXPECT_FALSE(option_counts(options, "inner_tolerance"));
-  EXPECT_TRUE(option_counts(options, "small_budget"));
-  EXPECT_TRUE(option_counts(options, "starts"));
+  EXPECT_TRUE(option_counts(options, "max_small_problem_nodes"));
+  EXPECT_TRUE(option_counts(options, "num_starts"));
   EXPECT_TRUE(option_counts(options, "kappa_min"));
-  options.global = true;
+  options.global_search = true;
   EXPECT_TRUE(option_counts(options, "node_limit"));
-  EXPECT_FALSE(option_counts(options, "small_budget"));
+  EXPECT_FALSE(option_counts(options, "max_small_problem_nodes"));
   options.path = Path::algorithm1;
   EXPECT_TRUE(option_counts(options, "inner_tolerance"));
-  EXPECT_FALSE(option_counts(options, "starts"));
+  EXPECT_FALSE(option_counts(options, "num_starts"));
 }
 
 TEST(Options, BadTextSaysWhatWouldBeGood) {

@@ -1,4 +1,4 @@
-// What a solve tells beside its answer.
+// What a solve reports beside its answer.
 #include "marble/progress.h"
 
 #include <gtest/gtest.h>

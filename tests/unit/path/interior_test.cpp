@@ -87,7 +87,7 @@ TEST(InteriorEngine, CostsAFactorizationAStepAndAHundredAtMost) {
   }
 }
 
-TEST(InteriorEngine, TellsEveryStepAndBeginsWhereItIsTold) {
+TEST(InteriorEngine, ReportsEveryStepAndBeginsWhereItIsReported) {
   Rows rows;
   Workbench w(examples::rocket(), {}, &rows);
   InteriorEngine engine(w.problem, *w.kkt);

@@ -96,7 +96,7 @@ TEST(PathEngine, InTwoPartsItIsTheSamePath) {
       EXPECT_EQ(end->status, same->status) << p.name;
       EXPECT_EQ(first.iterate().all, second.iterate().all) << p.name;
       EXPECT_EQ(a.run.factorizations, b.run.factorizations) << p.name;
-      EXPECT_EQ(in_parts.rows.size(), whole.rows.size()) << "where it goes on nothing is told twice";
+      EXPECT_EQ(in_parts.rows.size(), whole.rows.size()) << "where it goes on nothing is reported twice";
     }
     EXPECT_GE(parts, 15);
   }
@@ -120,7 +120,7 @@ TEST(PathEngine, AStartForgetsThePathBeforeAndALean) {
   EXPECT_EQ(w.run.factorizations - before, fresh.run.factorizations);
 }
 
-TEST(PathEngine, BeginsWhereItIsTold) {
+TEST(PathEngine, BeginsWhereItIsReported) {
   Rows rows;
   Workbench w(testing::random_problem({}, 2), {}, &rows);
   PathEngine engine(w.problem, *w.kkt, w.options);

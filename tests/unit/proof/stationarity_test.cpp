@@ -25,7 +25,7 @@ Stationarity kind(double xi, double eta, std::vector<double> z = {0.0, 0.0}) {
   return classify(images, x);
 }
 
-TEST(Stationarity, IsToldBySignsOfTheMultipliersOfBiactivePairs) {
+TEST(Stationarity, IsReportedBySignsOfTheMultipliersOfBiactivePairs) {
   EXPECT_EQ(kind(1.0, 1.0), Stationarity::strong);
   EXPECT_EQ(kind(0.0, 1.0), Stationarity::strong);
   EXPECT_EQ(kind(0.0, 0.0), Stationarity::strong);
@@ -66,7 +66,7 @@ TEST(Stationarity, AMinimumWithoutStrongMultipliersIsDecidedByItsBranches) {
 
 TEST(Stationarity, BranchesAreNotTriedWithoutABudgetForThem) {
   Options options;
-  options.local_search_budget = 0;
+  options.max_local_search_factorizations = 0;
   EXPECT_FALSE(
       solve_in_process(without_strong_multipliers().view(), options).value().b_stationary.has_value());
 }

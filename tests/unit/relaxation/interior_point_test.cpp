@@ -114,7 +114,7 @@ TEST(Clauses, OfPlacesToBeAtSomeTimeAreBranchedOnAndTheProofIsThatOfAllBranches)
   const auto best = testing::brute_force(small.view());
   ASSERT_TRUE(best);
   Options options;
-  options.global = true;
+  options.global_search = true;
   const Solution s = solve_in_process(small.view(), options).value();
   EXPECT_TRUE(s.proved) << s.detail;
   EXPECT_NEAR(s.objective, best->objective, 1e-6);

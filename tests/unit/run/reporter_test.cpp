@@ -1,4 +1,4 @@
-// What is told of a run: every iteration once, in the user's units.
+// What is reported about a run: every iteration once, in the user's units.
 #include "run/reporter.h"
 
 #include <gtest/gtest.h>
@@ -17,21 +17,21 @@ using testing::Workbench;
 constexpr Violations kViolations{1e-3, 2e-3, 3e-3};
 
 // At z (scaled), with this objective in the user's units.
-void tell(Reporter reporter, const Workbench& w, Run& run, ConstVectorRef z, double objective) {
+void report(Reporter reporter, const Workbench& w, Run& run, ConstVectorRef z, double objective) {
   const double scaled = (objective - w.problem.c0) * w.problem.cost_scale;
-  reporter.tell(run, z, scaled, kViolations, {.kappa = 0.25, .step_length = 0.5});
+  reporter.report(run, z, scaled, kViolations, {.kappa = 0.25, .step_length = 0.5});
 }
 
-TEST(Reporter, TellsAnIterationOnceWhoeverTellsIt) {
+TEST(Reporter, ReportsAnIterationOnceWhoeverReportsIt) {
   Rows rows;
   Workbench w(testing::random_problem({}, 1), {}, &rows);
   Reporter path(w.problem), search(w.problem);
-  tell(path, w, w.run, w.zero(), 1.0);
-  tell(search, w, w.run, w.zero(), 2.0);
+  report(path, w, w.run, w.zero(), 1.0);
+  report(search, w, w.run, w.zero(), 2.0);
   EXPECT_EQ(rows.rows.size(), 1U) << "an engine that goes on begins where the last row was";
   ++w.run.iterations;
-  tell(search, w, w.run, w.zero(), 3.0);
-  tell(path, w, w.run, w.zero(), 4.0);
+  report(search, w, w.run, w.zero(), 3.0);
+  report(path, w, w.run, w.zero(), 4.0);
   ASSERT_EQ(rows.rows.size(), 2U);
   EXPECT_NEAR(rows.rows[0].objective, 1.0, 1e-12);
   EXPECT_NEAR(rows.rows[1].objective, 3.0, 1e-12);
@@ -44,9 +44,9 @@ TEST(Reporter, AddsTheCountersOfTheRunAndLeavesTheRestAsItWas) {
   w.run.iterations = 7;
   w.run.outer_iterations = 3;
   w.run.factorizations = 11;
-  tell(reporter, w, w.run, w.zero(), 1.0);
+  report(reporter, w, w.run, w.zero(), 1.0);
   ++w.run.iterations;
-  tell(reporter, w, w.run, w.zero(), 1.0);
+  report(reporter, w, w.run, w.zero(), 1.0);
   ASSERT_EQ(rows.rows.size(), 2U);
   EXPECT_EQ(rows.rows[0].iteration, 7);
   EXPECT_EQ(rows.rows[0].outer_iteration, 3);
@@ -66,7 +66,7 @@ TEST(Reporter, GivesVectorsInTheUsersUnits) {
     Reporter reporter(w.problem);
     Iterate x(w.problem);
     x.z() = Vector::LinSpaced(w.problem.variables(), -1.0, 2.0);
-    tell(reporter, w, w.run, x.z(), 0.0);
+    report(reporter, w, w.run, x.z(), 0.0);
     ASSERT_EQ(rows.z.size(), 1U);
     EXPECT_EQ(rows.z[0], w.user(x.z()));
     ASSERT_EQ(rows.s[0].size(), pairs ? p.l.size() : 0U);
@@ -86,23 +86,23 @@ TEST(Reporter, GivesVectorsInTheUsersUnits) {
   }
 }
 
-TEST(Reporter, WithoutASinkOrInASilentPartNobodyIsTold) {
+TEST(Reporter, WithoutASinkOrInASilentPartNobodyIsReported) {
   Workbench alone(testing::random_problem({}, 1));
-  tell(Reporter(alone.problem), alone, alone.run, alone.zero(), 1.0);
-  EXPECT_EQ(alone.run.told_iteration, -1);
+  report(Reporter(alone.problem), alone, alone.run, alone.zero(), 1.0);
+  EXPECT_EQ(alone.run.reported_iteration, -1);
   Rows rows;
   Workbench w(testing::random_problem({}, 1), {}, &rows);
   auto silent = w.run.part(true);
   ++silent.iterations;
-  tell(Reporter(w.problem), w, silent, w.zero(), 1.0);
+  report(Reporter(w.problem), w, silent, w.zero(), 1.0);
   EXPECT_TRUE(rows.rows.empty());
   auto loud = w.run.part(false);
   ++loud.iterations;
-  tell(Reporter(w.problem), w, loud, w.zero(), 1.0);
+  report(Reporter(w.problem), w, loud, w.zero(), 1.0);
   EXPECT_EQ(rows.rows.size(), 1U);
   w.run.add_part(loud);
-  tell(Reporter(w.problem), w, w.run, w.zero(), 1.0);
-  EXPECT_EQ(rows.rows.size(), 1U) << "what a part has told the whole does not tell again";
+  report(Reporter(w.problem), w, w.run, w.zero(), 1.0);
+  EXPECT_EQ(rows.rows.size(), 1U) << "what a part has reported the whole does not report again";
 }
 
 }  // namespace

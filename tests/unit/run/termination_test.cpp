@@ -55,8 +55,8 @@ class ExplainEnd : public ::testing::Test {
 };
 
 TEST_F(ExplainEnd, CallsAnAlmostFeasiblePointSolvedToReducedAccuracy) {
-  EXPECT_EQ(status({5e-5, 5e-5, 5e-5}, 1e-4, true), Status::solved_reduced);
-  EXPECT_EQ(status({5e-5, 5e-5, 5e-5}, 1e-4, false), Status::solved_reduced);
+  EXPECT_EQ(status({5e-5, 5e-5, 5e-5}, 1e-4, true), Status::almost_solved);
+  EXPECT_EQ(status({5e-5, 5e-5, 5e-5}, 1e-4, false), Status::almost_solved);
 }
 
 TEST_F(ExplainEnd, CallsAStalledViolationLocallyInfeasible) {

@@ -1,47 +1,48 @@
-// An answer for some worlds as a start for more of them.
+// An answer for some scenarios as a start for more of them.
 #include "scenarios/lift.h"
 
 #include <gtest/gtest.h>
 
 #include <utility>
 
-#include "scenarios/random_worlds.h"
+#include "scenarios/random_scenarios.h"
 #include "support/judges/independent_check.h"
 
 namespace marble {
 namespace {
 
-using testing::RandomWorlds;
+using testing::RandomScenarios;
 
-// Worlds of different rows have no plan in common, at random.
-ScenarioNumbers other_cost(ScenarioNumbers world) {
-  return {.c0 = world.c0, .g = std::move(world.g), .Q = std::move(world.Q), .weight = world.weight};
+// Scenarios of different rows have no plan in common, at random.
+ScenarioNumbers other_cost(ScenarioNumbers scenario) {
+  return {
+      .c0 = scenario.c0, .g = std::move(scenario.g), .Q = std::move(scenario.Q), .weight = scenario.weight};
 }
 
-TEST(ScenarioLift, SolvesTheLargerProblemWhereItsWorldsAreTheOldOnesAgain) {
+TEST(ScenarioLift, SolvesTheLargerProblemWhereItsScenariosAreTheOldOnesAgain) {
   int solved = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-    const RandomWorlds random(seed);
+    const RandomScenarios random(seed);
     const Stages stages = Stages::create(random.problem()).value();
-    std::vector<ScenarioNumbers> worlds = {other_cost(random.world(0)), other_cost(random.world(1))};
-    const std::vector<double> weights = normalized_weights(worlds);
-    const OwnedProblem small = stages.assemble(worlds, weights).value();
+    std::vector<ScenarioNumbers> scenarios = {other_cost(random.scenario(0)), other_cost(random.scenario(1))};
+    const std::vector<double> weights = normalized_weights(scenarios);
+    const OwnedProblem small = stages.assemble(scenarios, weights).value();
     const Solution answer = solve_in_process(small.view()).value();
     if (!is_solved(answer.status)) continue;
     ++solved;
-    worlds = {worlds[0], worlds[1], worlds[0], worlds[1]};
-    const std::vector<double> halves = normalized_weights(worlds);
+    scenarios = {scenarios[0], scenarios[1], scenarios[0], scenarios[1]};
+    const std::vector<double> halves = normalized_weights(scenarios);
     std::vector<Solution> parts;
     const Interrupt never;
     Checkpoint checkpoint(never);
     for (std::size_t s = 0; s < 4; ++s)
-      parts.push_back(world_part(stages, answer,
-                                 nearest(stages, worlds[s], std::span(worlds).first(2), checkpoint),
-                                 weights[s % 2]));
+      parts.push_back(scenario_part(stages, answer,
+                                    nearest(stages, scenarios[s], std::span(scenarios).first(2), checkpoint),
+                                    weights[s % 2]));
     std::vector<const Solution*> pointers;
     for (const Solution& part : parts) pointers.push_back(&part);
     const Solution start = lifted(stages, answer, pointers, halves);
-    const OwnedProblem large = stages.assemble(worlds, halves).value();
+    const OwnedProblem large = stages.assemble(scenarios, halves).value();
     const testing::Verdict before = testing::judge(small.view(), answer);
     const testing::Verdict after = testing::judge(large.view(), start);
     EXPECT_LE(after.infeasibility(), before.infeasibility() + 1e-12) << seed;
@@ -57,30 +58,30 @@ TEST(ScenarioLift, SolvesTheLargerProblemWhereItsWorldsAreTheOldOnesAgain) {
   EXPECT_GE(solved, 10);
 }
 
-TEST(ScenarioLift, TakesTheFirstOfTheNearestWorlds) {
-  const RandomWorlds random(1);
+TEST(ScenarioLift, TakesTheFirstOfTheNearestScenarios) {
+  const RandomScenarios random(1);
   const Stages stages = Stages::create(random.problem()).value();
-  const std::vector<ScenarioNumbers> worlds = {random.world(4), random.world(7), random.world(7)};
+  const std::vector<ScenarioNumbers> scenarios = {random.scenario(4), random.scenario(7), random.scenario(7)};
   const Interrupt never;
   Checkpoint checkpoint(never);
-  EXPECT_EQ(nearest(stages, random.world(7), worlds, checkpoint), 1u);
-  EXPECT_EQ(nearest(stages, random.world(4), worlds, checkpoint), 0u);
+  EXPECT_EQ(nearest(stages, random.scenario(7), scenarios, checkpoint), 1u);
+  EXPECT_EQ(nearest(stages, random.scenario(4), scenarios, checkpoint), 0u);
   ScenarioNumbers base;
   base.g = random.base.g;
-  const std::vector<ScenarioNumbers> with_base = {random.world(1), ScenarioNumbers{}};
+  const std::vector<ScenarioNumbers> with_base = {random.scenario(1), ScenarioNumbers{}};
   EXPECT_EQ(nearest(stages, base, with_base, checkpoint), 1u) << "what is absent is the base's";
 }
 
 TEST(ScenarioLift, NearestScenarioEndsWithItsCheckpoint) {
-  const RandomWorlds random(1);
+  const RandomScenarios random(1);
   const Stages stages = Stages::create(random.problem()).value();
-  std::vector<ScenarioNumbers> known(20'000, random.world(1));
-  known.back() = random.world(7);
+  std::vector<ScenarioNumbers> known(20'000, random.scenario(1));
+  known.back() = random.scenario(7);
   std::stop_source stop;
   stop.request_stop();
   const Interrupt stopped(stop.get_token());
   Checkpoint checkpoint(stopped);
-  EXPECT_EQ(nearest(stages, random.world(7), known, checkpoint), 0u);
+  EXPECT_EQ(nearest(stages, random.scenario(7), known, checkpoint), 0u);
   EXPECT_TRUE(checkpoint.reached(1)) << "the next search ends at once";
 }
 

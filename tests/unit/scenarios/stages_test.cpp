@@ -1,4 +1,4 @@
-// The LCQP of many worlds: what is put together of a base problem and its worlds' numbers.
+// The LCQP of many scenarios: what is put together of a base problem and its scenarios' numbers.
 #include "scenarios/stages.h"
 
 #include <gtest/gtest.h>
@@ -6,13 +6,13 @@
 #include <string>
 
 #include "scenarios/lift.h"
-#include "scenarios/random_worlds.h"
+#include "scenarios/random_scenarios.h"
 
 namespace marble {
 namespace {
 
+using testing::RandomScenarios;
 using testing::RandomVectors;
-using testing::RandomWorlds;
 
 // Plain loops over the entries, by the definition.
 double cost_of(const ProblemView& p, std::span<const double> z) {
@@ -36,12 +36,13 @@ std::vector<double> rows_of(const SparseMatrixView& m, std::span<const double> o
   return rows;
 }
 
-// Rows of the plan once, then those of each world: out of each world's own rows.
-std::vector<double> stacked(const std::vector<std::vector<double>>& by_world, const std::vector<char>& own) {
+// Rows of the plan once, then those of each scenario: out of each scenario's own rows.
+std::vector<double> stacked(const std::vector<std::vector<double>>& by_scenario,
+                            const std::vector<char>& own) {
   std::vector<double> result;
   for (std::size_t row = 0; row < own.size(); ++row)
-    if (!own[row]) result.push_back(by_world[0][row]);
-  for (const std::vector<double>& rows : by_world)
+    if (!own[row]) result.push_back(by_scenario[0][row]);
+  for (const std::vector<double>& rows : by_scenario)
     for (std::size_t row = 0; row < own.size(); ++row)
       if (own[row]) result.push_back(rows[row]);
   return result;
@@ -52,37 +53,37 @@ void expect_near(const std::vector<double>& a, const std::vector<double>& b, con
   for (std::size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i], b[i], 1e-12) << what << " " << i;
 }
 
-TEST(ScenarioStages, PutTogetherTheMeanCostAndEveryWorldsRows) {
-  constexpr int kWorlds = 3;
+TEST(ScenarioStages, PutTogetherTheMeanCostAndEveryScenariosRows) {
+  constexpr int kScenarios = 3;
   for (const HessianForm form : {HessianForm::full, HessianForm::upper_triangle}) {
     for (std::uint64_t seed = 1; seed <= 10; ++seed) {
-      const RandomWorlds random(seed, form);
-      const auto assembled = assemble_scenarios(random.problem(), kWorlds);
+      const RandomScenarios random(seed, form);
+      const auto assembled = assemble_scenarios(random.problem(), kScenarios);
       ASSERT_TRUE(assembled) << assembled.error().message();
       ASSERT_TRUE(Problem::create(assembled->view()));
       RandomVectors points(seed);
-      const Vector x = points.next(5), y = points.next(5 * kWorlds);
+      const Vector x = points.next(5), y = points.next(5 * kScenarios);
       std::vector<double> z(x.begin(), x.end());
       z.insert(z.end(), y.begin(), y.end());
       const auto stages = Stages::create(random.problem()).value();
       double cost = 0.0, weights = 0.0;
       std::vector<std::vector<double>> A, C, L, R;
-      for (int s = 0; s < kWorlds; ++s) {
-        const ScenarioNumbers world = random.world(s);
-        const OwnedProblem alone = stages.alone(world);
+      for (int s = 0; s < kScenarios; ++s) {
+        const ScenarioNumbers scenario = random.scenario(s);
+        const OwnedProblem alone = stages.alone(scenario);
         std::vector<double> own(10);
         for (int i = 0; i < 5; ++i) {
           own[2 * i] = x[i];
           own[2 * i + 1] = y[5 * s + i];
         }
-        cost += world.weight * cost_of(alone.view(), own);
-        weights += world.weight;
+        cost += scenario.weight * cost_of(alone.view(), own);
+        weights += scenario.weight;
         A.push_back(rows_of(alone.A.view(), alone.b, own));
         C.push_back(rows_of(alone.C.view(), alone.d, own));
         L.push_back(rows_of(alone.L.view(), alone.l, own));
         R.push_back(rows_of(alone.R.view(), alone.r, own));
-        // At the plan the recourse's problem is the world's.
-        const OwnedProblem recourse = stages.recourse(world, std::span(z).first(5));
+        // At the plan the recourse's problem is the scenario's.
+        const OwnedProblem recourse = stages.recourse(scenario, std::span(z).first(5));
         const std::span<const double> own_y(y.data() + 5 * s, 5);
         EXPECT_NEAR(cost_of(recourse.view(), own_y), cost_of(alone.view(), own), 1e-12);
         const std::vector<double> there = rows_of(recourse.C.view(), recourse.d, own_y);
@@ -105,15 +106,15 @@ TEST(ScenarioStages, PutTogetherTheMeanCostAndEveryWorldsRows) {
   }
 }
 
-TEST(ScenarioStages, HaveRowsOfThePlanByWorldWhereTheyAreNamed) {
-  const RandomWorlds random(1);
+TEST(ScenarioStages, HaveRowsOfThePlanByScenarioWhereTheyAreNamed) {
+  const RandomScenarios random(1);
   Index row = 0;
   while (row < random.base.C.rows && !random.of_plan(random.base.C, row)) ++row;
   ASSERT_LT(row, random.base.C.rows) << "the seed has such a row";
   ScenarioProblem problem = random.problem();
   const auto once = assemble_scenarios(problem, 3).value();
   problem.sample = [&](std::int64_t i) -> Expected<ScenarioNumbers> {
-    ScenarioNumbers numbers = random.world(i);
+    ScenarioNumbers numbers = random.scenario(i);
     numbers.d[row] += static_cast<double>(i);
     return numbers;
   };
@@ -128,7 +129,7 @@ TEST(ScenarioStages, HaveRowsOfThePlanByWorldWhereTheyAreNamed) {
 }
 
 TEST(ScenarioStages, NameWhatIsWrong) {
-  const RandomWorlds random(2);
+  const RandomScenarios random(2);
   const auto field = [&](const auto& change) {
     ScenarioProblem problem = random.problem();
     change(problem);
@@ -143,18 +144,18 @@ TEST(ScenarioStages, NameWhatIsWrong) {
   EXPECT_EQ(field([](ScenarioProblem& p) { p.sample = nullptr; }), "sample");
   EXPECT_EQ(field([](ScenarioProblem& p) { p.scenarios = 1; }), "scenarios");
   EXPECT_EQ(field([](ScenarioProblem& p) { p.base.g = {}; }).substr(0, 5), "base.");
-  const auto world = [&](const auto& change) {
+  const auto scenario = [&](const auto& change) {
     return field([&](ScenarioProblem& p) {
       p.sample = [&](std::int64_t i) -> Expected<ScenarioNumbers> {
-        ScenarioNumbers numbers = random.world(i);
+        ScenarioNumbers numbers = random.scenario(i);
         if (i == 1) change(numbers);
         return numbers;
       };
     });
   };
-  EXPECT_EQ(world([](ScenarioNumbers& n) { n.weight = 0.0; }), "scenario[1].weight");
-  EXPECT_EQ(world([](ScenarioNumbers& n) { n.g.pop_back(); }), "scenario[1].g");
-  EXPECT_EQ(world([](ScenarioNumbers& n) { n.R[0] = std::numeric_limits<double>::quiet_NaN(); }),
+  EXPECT_EQ(scenario([](ScenarioNumbers& n) { n.weight = 0.0; }), "scenario[1].weight");
+  EXPECT_EQ(scenario([](ScenarioNumbers& n) { n.g.pop_back(); }), "scenario[1].g");
+  EXPECT_EQ(scenario([](ScenarioNumbers& n) { n.R[0] = std::numeric_limits<double>::quiet_NaN(); }),
             "scenario[1].R.values");
 }
 
@@ -170,7 +171,7 @@ double bytes_of(const OwnedProblem& p) {
 TEST(ScenarioStages, EstimateTheBytesOfAnAssembledProblem) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const auto form = seed % 2 == 0 ? HessianForm::full : HessianForm::upper_triangle;
-    const RandomWorlds random(seed, form);
+    const RandomScenarios random(seed, form);
     const Stages stages = Stages::create(random.problem()).value();
     for (const std::int64_t count : {1, 2, 7, 40}) {
       const OwnedProblem assembled = assemble_scenarios(random.problem(), count).value();
@@ -185,9 +186,9 @@ TEST(ScenarioStages, EstimateTheBytesOfAnAssembledProblem) {
 }
 
 TEST(ScenarioStages, StopDuringAssembly) {
-  const RandomWorlds random(1);
+  const RandomScenarios random(1);
   const Stages stages = Stages::create(random.problem()).value();
-  const std::vector<ScenarioNumbers> scenarios(50'000, random.world(1));
+  const std::vector<ScenarioNumbers> scenarios(50'000, random.scenario(1));
   const std::vector<double> weights(scenarios.size(), 1.0 / static_cast<double>(scenarios.size()));
   std::stop_source stop;
   stop.request_stop();

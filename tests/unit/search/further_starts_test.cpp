@@ -36,7 +36,7 @@ class Backwards final : public TaskRunner {
 
 Solution solved(const OwnedProblem& p, int starts, TaskRunner* runner) {
   Options options;
-  options.starts = starts;
+  options.num_starts = starts;
   Solver solver = Solver::create(Problem::create(p.view()).value(), options).value();
   return solver.solve({.runner = runner}).value();
 }
@@ -79,8 +79,8 @@ TEST(FurtherStarts, MoreOfThemAreNeverWorseOnRandomProblemsConvexOrNot) {
       double before = std::numeric_limits<double>::infinity();
       for (const int starts : {1, 2, 4, 8}) {
         Options options;
-        options.starts = starts;
-        if (seed % 4 != 0) options.small_budget = 0;  // which leaves them something to find
+        options.num_starts = starts;
+        if (seed % 4 != 0) options.max_small_problem_nodes = 0;  // which leaves them something to find
         const Solution s = solve_in_process(p.view(), options).value();
         if (s.status != Status::solved) break;
         EXPECT_LE(s.objective, before + 1e-9 * (1.0 + std::abs(before))) << p.name << " " << starts;
@@ -97,12 +97,12 @@ TEST(FurtherStarts, MoreOfThemAreNeverWorseOnRandomProblemsConvexOrNot) {
 TEST(FurtherStarts, AreNotEndedByALimitOnIterationsThatThePathKeeps) {
   const OwnedProblem p = examples::hopper({.steps = 16});
   Options first;
-  first.local_search_budget = 0;
+  first.max_local_search_factorizations = 0;
   const int without_search = solve_in_process(p.view(), first).value().iterations;
   const Solution all = solved(p, 8, nullptr);
   ASSERT_GT(all.iterations, without_search + 1);
   Options options;
-  options.starts = 8;
+  options.num_starts = 8;
   options.max_iterations = without_search + 1;
   const Solution s = solve_in_process(p.view(), options).value();
   EXPECT_EQ(s.status, Status::solved);
@@ -128,7 +128,7 @@ TEST(FurtherStarts, StopWithTheRestOfTheSolve) {
     std::stop_source& source_;
   } stopper(source);
   Options options;
-  options.starts = 50;
+  options.num_starts = 50;
   Solver solver = Solver::create(Problem::create(p.view()).value(), options).value();
   const Solution s = solver.solve({.stop = source.get_token(), .runner = &stopper}).value();
   EXPECT_EQ(stopper.rounds, 1);
@@ -137,8 +137,8 @@ TEST(FurtherStarts, StopWithTheRestOfTheSolve) {
 
 // One round by itself.
 struct Round : testing::Workbench {
-  explicit Round(const OwnedProblem& p, const Options& chosen = {}, testing::Rows* told = nullptr)
-      : Workbench(p, chosen, told),
+  explicit Round(const OwnedProblem& p, const Options& chosen = {}, testing::Rows* reported = nullptr)
+      : Workbench(p, chosen, reported),
         branch(problem, *kkt),
         search(problem, *kkt, branch.elastic),
         engine(problem, options, branch, search),
@@ -188,17 +188,17 @@ TEST(FurtherStarts, ARoundReplacesTheBestOnlyByWhatIsBetterExactAndFeasible) {
   EXPECT_GT(kept, 0);
 }
 
-TEST(FurtherStarts, ARoundCountsTheWorkOfAllItsSearchesAndTellsOneRowAtMost) {
+TEST(FurtherStarts, ARoundCountsTheWorkOfAllItsSearchesAndReportsOneRowAtMost) {
   testing::Rows rows;
   Round r(examples::hopper({.steps = 10}), {}, &rows);
   ASSERT_TRUE(r.begun);
   const int factorizations = r.run.factorizations;
   const int iterations = r.run.iterations;
-  const std::size_t told = rows.rows.size();
+  const std::size_t reported = rows.rows.size();
   static_cast<void>(r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.incumbent));
   EXPECT_GE(r.run.factorizations - factorizations, tuning::further_round);
   EXPECT_GT(r.run.iterations, iterations);
-  EXPECT_LE(rows.rows.size(), told + 1) << "searches that may go on at once are silent";
+  EXPECT_LE(rows.rows.size(), reported + 1) << "searches that may go on at once are silent";
 }
 
 TEST(FurtherStarts, ARoundForWhoIsToStopChangesNothing) {

@@ -46,8 +46,8 @@ SearchPlan from_soft() {
 }
 
 struct Search : Workbench {
-  explicit Search(const OwnedProblem& p, const Options& chosen = {}, Rows* told = nullptr)
-      : Workbench(p, chosen, told), branch(problem, *kkt), engine(problem, *kkt, branch.elastic) {}
+  explicit Search(const OwnedProblem& p, const Options& chosen = {}, Rows* reported = nullptr)
+      : Workbench(p, chosen, reported), branch(problem, *kkt), engine(problem, *kkt, branch.elastic) {}
 
   void choose(unsigned s_fixed) {
     WorkingSet set(problem);
@@ -206,7 +206,7 @@ TEST(LocalSearch, IsFalseForWhoIsToStopAndEndsSoonAfterAStop) {
   Search s(examples::hopper({.steps = 8}), {}, &rows);
   s.branch.point.start_from_point(s.zero());
   EXPECT_FALSE(s.engine.run(s.run, from_soft(), kNoLimit));
-  EXPECT_EQ(s.engine.accepted(), 3) << "the move that was told, and none after it";
+  EXPECT_EQ(s.engine.accepted(), 3) << "the move that was reported, and none after it";
   EXPECT_FALSE(s.engine.run(s.run, from_soft(), kNoLimit));
   EXPECT_EQ(s.engine.accepted(), 0);
 }

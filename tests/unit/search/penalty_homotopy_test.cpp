@@ -99,8 +99,8 @@ TEST(PenaltyHomotopy, TakesTheNumbersThatTheProblemHasNow) {
   EXPECT_NEAR(homotopy.z()[0], 2.0, 1e-3);
 }
 
-// 33.08 without it; the paper tells 29.20 (Gurobi), 29.21 (LCQPow) and 31.68.
-TEST(PenaltyHomotopy, TakesThePublishedHopperBelowWhatThePaperTells) {
+// 33.08 without it; the paper reports 29.20 (Gurobi), 29.21 (LCQPow) and 31.68.
+TEST(PenaltyHomotopy, TakesThePublishedHopperBelowWhatThePaperReports) {
   const OwnedProblem p = examples::published_hopper();
   const Solution s = solve_in_process(p.view()).value();
   EXPECT_EQ(s.status, Status::solved) << s.detail;

@@ -41,7 +41,7 @@ bool all_finite(const std::vector<double>& values) {
   return std::ranges::all_of(values, [](double value) { return std::isfinite(value); });
 }
 
-// All but bound, gap and cold_objective, which may be infinite.
+// All but bound, gap and reference_objective, which may be infinite.
 void expect_finite(const Solution& s, const std::string& where) {
   EXPECT_TRUE(all_finite(s.z)) << where;
   EXPECT_TRUE(all_finite(s.equality_multipliers)) << where;
@@ -52,7 +52,7 @@ void expect_finite(const Solution& s, const std::string& where) {
   EXPECT_TRUE(all_finite({s.objective, s.kkt_residual, s.violations.equality, s.violations.inequality,
                           s.violations.complementarity}))
       << where;
-  EXPECT_FALSE(std::isnan(s.bound) || std::isnan(s.gap) || std::isnan(s.cold_objective)) << where;
+  EXPECT_FALSE(std::isnan(s.bound) || std::isnan(s.gap) || std::isnan(s.reference_objective)) << where;
 }
 
 // Whether it is solved; if so it must be a solution.
@@ -159,7 +159,7 @@ TEST(HostileNumbers, EveryNumberOfAnAnswerIsFinite) {
     std::vector<double> start(p.g.size(), 0.0);
     spoil(start);
     Options options;
-    options.global = seed % 3 == 0;
+    options.global_search = seed % 3 == 0;
     options.scaling_passes = seed % 7 == 0 ? 0 : 10;
     options.max_iterations = 200;
     options.node_limit = 50;

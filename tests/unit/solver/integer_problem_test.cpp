@@ -34,7 +34,7 @@ class IntegerProblem : public ::testing::TestWithParam<testing::IntegerFamily> {
 
 TEST_P(IntegerProblem, GlobalModeHasTheStatusTheOptimumAndATrueBound) {
   Options options;
-  options.global = true;
+  options.global_search = true;
   for_each_seed(options, [](const OwnedProblem& p, const auto& truth, const Solution& found) {
     if (found.status != Status::solved) return;
     const double slack = 1e-6 * std::max(1.0, std::abs(truth->objective));

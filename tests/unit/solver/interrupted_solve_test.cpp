@@ -13,7 +13,7 @@ constexpr int kNoEnd = 1000000;
 constexpr int kMostCuts = 400;
 constexpr double kFeasible = 1e-6;
 
-// Stops the solve that tells it so many rows.
+// Stops the solve after so many rows.
 class StopAfter final : public ProgressSink {
  public:
   explicit StopAfter(int rows) : left_(rows) {}
@@ -205,7 +205,7 @@ class StopInTree final : public ProgressSink {
 TEST(InterruptedSolve, OfATreeLeavesItsBestPointToStartFrom) {
   const OwnedProblem p = examples::hopper({.steps = 20});
   Options global;
-  global.global = true;
+  global.global_search = true;
   const Solution cold = solver_of(p).solve().value();
   WarmSolver solver = solver_of(p, global);
   StopInTree stop;

@@ -47,7 +47,7 @@ struct Judged : Workbench {
 
 Options without_search() {
   Options options;
-  options.local_search_budget = 0;
+  options.max_local_search_factorizations = 0;
   return options;
 }
 

@@ -84,9 +84,9 @@ Solution asked(const OwnedProblem& p, const SensitivityRequest& request) {
   return solver.solve({.sensitivity = &request}).value();
 }
 
-const SensitivityAnswer& told(const Solution& answer) {
+const SensitivityAnswer& reported(const Solution& answer) {
   EXPECT_TRUE(answer.sensitivity.has_value() && answer.sensitivity->has_value())
-      << (answer.sensitivity ? answer.sensitivity->error().message() : "nothing was told");
+      << (answer.sensitivity ? answer.sensitivity->error().message() : "nothing was reported");
   return answer.sensitivity->value();
 }
 
@@ -96,7 +96,7 @@ void expect_alike(std::span<const double> a, std::span<const double> b, const ch
     EXPECT_NEAR(a[i], b[i], 1e-8 * (1.0 + std::abs(b[i]))) << what << '[' << i << ']';
 }
 
-TEST(SensitivityRequest, WithASolveTellsWhatTheAnswersOwnSensitivityDoes) {
+TEST(SensitivityRequest, WithASolveReportsWhatTheAnswersOwnSensitivityDoes) {
   int looked_at = 0;
   for (int seed = 0; seed < kSeeds; ++seed) {
     SCOPED_TRACE(seed);
@@ -107,7 +107,7 @@ TEST(SensitivityRequest, WithASolveTellsWhatTheAnswersOwnSensitivityDoes) {
     const SensitivityRequest request{.directions = {2, {.b = b, .Q = Q, .R = R}}, .losses = {2, {.z = z}}};
     const Solution answer = asked(p, request);
     ASSERT_TRUE(is_solved(answer.status)) << answer.detail;
-    const SensitivityAnswer& sensitivity = told(answer);
+    const SensitivityAnswer& sensitivity = reported(answer);
     auto own = Sensitivity::create(Problem::create(p.view()).value(), answer).value();
     EXPECT_EQ(sensitivity.weak_inequalities, own.weak_inequalities());
     EXPECT_EQ(sensitivity.biactive_pairs, own.biactive_pairs());
@@ -150,7 +150,7 @@ void expect_many_as_one_by_one(const OwnedProblem& p, Index count, bool offsets,
                                    .losses = {count, {.z = z, .complementarity_multipliers_L = xi}}};
   const Solution answer = asked(p, request);
   ASSERT_TRUE(is_solved(answer.status)) << answer.detail;
-  const SensitivityAnswer& many = told(answer);
+  const SensitivityAnswer& many = reported(answer);
   EXPECT_TRUE(many.changes.missing.empty() && many.gradients.missing.empty());
   const SensitivityAnswer later =
       Sensitivity::create(Problem::create(p.view()).value(), answer).value().answer(request).value();
@@ -182,7 +182,7 @@ void expect_many_as_one_by_one(const OwnedProblem& p, Index count, bool offsets,
         .directions = {1, {.g = part(g), .b = part(b), .l = part(l), .Q = part(Q), .A = part(A)}},
         .losses = {1, {.z = part(z), .complementarity_multipliers_L = part(xi)}}};
     const Solution again = asked(p, alone);
-    const SensitivityAnswer& one = told(again);
+    const SensitivityAnswer& one = reported(again);
     expect_same(many.changes.z, one.changes.z, "z");
     expect_same(many.changes.equality_multipliers, one.changes.equality_multipliers, "y");
     expect_same(many.changes.complementarity_multipliers_R, one.changes.complementarity_multipliers_R, "eta");
@@ -232,9 +232,9 @@ TEST(SensitivityRequest, RowsRespondAsTheBranchsOwnMatrixHasIt) {
     const SensitivityRequest request{.rows = RowsRequest{.E = rows.view(), .columns = true}};
     const Solution answer = asked(p, request);
     ASSERT_TRUE(is_solved(answer.status)) << answer.detail;
-    if (!told(answer).is_smooth()) continue;
+    if (!reported(answer).is_smooth()) continue;
     ++looked_at;
-    const RowResponse& response = told(answer).rows->value();
+    const RowResponse& response = reported(answer).rows->value();
     const Branch branch(p, answer, Vector::Zero(n));
     const Matrix E = dense_of(rows, kRows, n), S = E * branch.P * E.transpose();
     const Vector values = E * branch.z;
@@ -276,9 +276,9 @@ TEST(SensitivityRequest, AProximalTermIsLeftOutOfTheResponseAndOfNothingElse) {
         .directions = {1, {.d = d}}};
     const Solution answer = asked(p, request);
     ASSERT_TRUE(is_solved(answer.status)) << answer.detail;
-    if (!told(answer).is_smooth()) continue;
+    if (!reported(answer).is_smooth()) continue;
     ++looked_at;
-    const RowResponse& response = told(answer).rows->value();
+    const RowResponse& response = reported(answer).rows->value();
     const Branch branch(p, answer, Eigen::Map<const Vector>(proximal.data(), n));
     const Matrix E = dense_of(rows, kRows, n), S = E * branch.P * E.transpose();
     const Vector at_zero =
@@ -287,10 +287,11 @@ TEST(SensitivityRequest, AProximalTermIsLeftOutOfTheResponseAndOfNothingElse) {
     const Vector free = E * at_zero;
     expect_alike(response.free, {free.data(), kRows}, "free");
     EXPECT_NEAR(response.response[1], S(0, 1), 1e-8 * (1.0 + std::abs(S(0, 1))));
-    EXPECT_GE(told(answer).factorizations, 1);
+    EXPECT_GE(reported(answer).factorizations, 1);
     auto own = Sensitivity::create(Problem::create(p.view()).value(), answer).value();
     ASSERT_TRUE(own.rows(*request.rows).has_value());
-    expect_alike(told(answer).changes.z, own.along({.d = d}).value().z, "a change, asked for after the rows");
+    expect_alike(reported(answer).changes.z, own.along({.d = d}).value().z,
+                 "a change, asked for after the rows");
   }
   EXPECT_GE(looked_at, kSeeds / 2);
 }
@@ -311,7 +312,7 @@ TEST(SensitivityRequest, ATicksAnswersAreTheSameWhetherItIsAskedOrNotAndItsFacto
     const Solution without = does_not.solve({.g = g}).value();
     EXPECT_EQ(with.z, without.z);
     EXPECT_EQ(with.complementarity_multipliers_L, without.complementarity_multipliers_L);
-    const SensitivityAnswer& sensitivity = told(with);
+    const SensitivityAnswer& sensitivity = reported(with);
     EXPECT_EQ(with.factorizations, without.factorizations + sensitivity.factorizations);
     EXPECT_LE(sensitivity.back_substitutions, 3 * 5);
     if (tick > 0) factorizations += sensitivity.factorizations;
@@ -332,7 +333,7 @@ TEST(SensitivityRequest, ProximalRowsLeaveTheNextTicksAsTheyWere) {
     Values b = p.b;
     b[0] += 1e-3 * tick;
     const Solution with = asks.solve({.b = b}, {}, {.sensitivity = &request}).value();
-    EXPECT_TRUE(told(with).rows->has_value());
+    EXPECT_TRUE(reported(with).rows->has_value());
     EXPECT_EQ(with.z, does_not.solve({.b = b}).value().z);
   }
 }
@@ -377,7 +378,7 @@ TEST(SensitivityRequest, DirectionsThatHaveNoChangeAreNamedAndTheOthersHaveTheir
   const Values g = {0.0, 1.0, 1.0, 0.0};  // the second one alone is borne
   const SensitivityRequest request{.directions = {2, {.g = g}}, .losses = {2, {.z = g}}};
   const Solution answer = asked(p, request);
-  const SensitivityAnswer& sensitivity = told(answer);
+  const SensitivityAnswer& sensitivity = reported(answer);
   EXPECT_EQ(sensitivity.changes.missing, (std::vector<Index>{0}));
   EXPECT_TRUE(std::isnan(sensitivity.changes.z[0]));
   EXPECT_NEAR(sensitivity.changes.z[2], -0.5, 1e-9);
@@ -393,7 +394,7 @@ TEST(SensitivityRequest, AmongManyAtOnceThoseWithoutAChangeLeaveTheOthersTheirs)
   for (int k = 0; k < 7; ++k) g.insert(g.end(), {1.0 + k, k % 3 == 1 ? 1.0 : 0.0});
   const SensitivityRequest request{.directions = {7, {.g = g}}, .losses = {7, {.z = g}}};
   const Solution answer = asked(p, request);
-  const SensitivityAnswer& sensitivity = told(answer);
+  const SensitivityAnswer& sensitivity = reported(answer);
   EXPECT_EQ(sensitivity.changes.missing, (std::vector<Index>{1, 4}));
   EXPECT_EQ(sensitivity.gradients.missing, (std::vector<Index>{1, 4}));
   for (std::size_t k = 0; k < 7; ++k) {
@@ -406,7 +407,7 @@ TEST(SensitivityRequest, AmongManyAtOnceThoseWithoutAChangeLeaveTheOthersTheirs)
   }
 }
 
-TEST(SensitivityRequest, OfABiactivePairEachDirectionTellsWhetherItHolds) {
+TEST(SensitivityRequest, OfABiactivePairEachDirectionReportsWhetherItHolds) {
   OwnedProblem p;  // min z0^2 + z1^2, 0 <= z0 ⊥ z1 >= 0
   p.Q = {2, 2, {0, 1, 2}, {0, 1}, {2.0, 2.0}};
   p.g = {0.0, 0.0};
@@ -416,9 +417,9 @@ TEST(SensitivityRequest, OfABiactivePairEachDirectionTellsWhetherItHolds) {
   const Values g = {-1.0, 1.0, 1.0, -1.0};  // towards one side, and towards the other
   const SensitivityRequest request{.directions = {2, {.g = g}}};
   const Solution answer = asked(p, request);
-  EXPECT_EQ(told(answer).biactive_pairs, (std::vector<Index>{0}));
-  EXPECT_FALSE(told(answer).is_smooth());
-  EXPECT_NE(told(answer).changes.holds[0], told(answer).changes.holds[1])
+  EXPECT_EQ(reported(answer).biactive_pairs, (std::vector<Index>{0}));
+  EXPECT_FALSE(reported(answer).is_smooth());
+  EXPECT_NE(reported(answer).changes.holds[0], reported(answer).changes.holds[1])
       << "each way is of one branch alone";
 }
 
@@ -446,7 +447,7 @@ TEST(SensitivityRequest, WhereAOneSidedChangeHoldsItIsTheDifferenceAndTheSignsSa
   }
   const SensitivityRequest request{.directions = {kDirections, {.g = g}}};
   const Solution answer = asked(p, request);
-  const SensitivityAnswer& sensitivity = told(answer);
+  const SensitivityAnswer& sensitivity = reported(answer);
   EXPECT_EQ(sensitivity.biactive_pairs, (std::vector<Index>{0, 1}));
   EXPECT_EQ(sensitivity.weak_inequalities, (std::vector<Index>{0}));
   int held = 0;

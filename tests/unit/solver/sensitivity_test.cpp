@@ -51,7 +51,7 @@ Solution moved(const OwnedProblem& p, Numbers direction, double h, const Solutio
     for (std::size_t k = 0; k < to[part]->size(); ++k) (*to[part])[k] += h * (*by[part])[k];
   }
   Options options;
-  options.local_search_budget = 0;
+  options.max_local_search_factorizations = 0;
   Solver solver = Solver::create(Problem::create(p.view()).value(), options).value();
   EXPECT_TRUE(solver.update(numbers.update()).has_value());
   return solver.solve({.warm_start = &answer}).value();
@@ -149,7 +149,7 @@ OwnedProblem corner(double g0, double g1) {
   return p;
 }
 
-TEST(Sensitivity, ACornerThatPullsBothWaysIsSmoothAndAFlatOneIsTold) {
+TEST(Sensitivity, ACornerThatPullsBothWaysIsSmoothAndAFlatOneIsReported) {
   const OwnedProblem held = corner(1.0, 1.0), flat = corner(0.0, 0.0);
   const auto smooth = Sensitivity::create(Problem::create(held.view()).value(), solved(held));
   ASSERT_TRUE(smooth.has_value()) << smooth.error().message();

@@ -1,4 +1,4 @@
-// Small problems get the global answer within small_budget, and nobody else pays for it.
+// Small problems get the global answer within max_small_problem_nodes, and nobody else pays for it.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -20,8 +20,8 @@ OwnedProblem small(std::uint64_t seed) {
 
 TEST(SmallProblem, EndsAtTheGlobalOptimumWithItsProof) {
   Options local, global;
-  local.small_budget = 0;
-  global.global = true;
+  local.max_small_problem_nodes = 0;
+  global.global_search = true;
   int convex = 0;
   int lower = 0;
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
@@ -37,7 +37,7 @@ TEST(SmallProblem, EndsAtTheGlobalOptimumWithItsProof) {
     EXPECT_LE(s.gap, 1e-6) << seed;
     EXPECT_NEAR(s.objective, by_tree.objective, tolerance) << seed;
     EXPECT_LE(s.bound, by_tree.objective + 1e-9 * (1.0 + std::abs(by_tree.objective))) << seed;
-    EXPECT_NE(s.detail.find("; small_budget: proved by "), std::string::npos) << s.detail;
+    EXPECT_NE(s.detail.find("; max_small_problem_nodes: proved by "), std::string::npos) << s.detail;
     EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 1e-8) << seed;
     EXPECT_GE(s.nodes, 1) << "counted, as detail says: " << s.detail;
     EXPECT_EQ(s.open_nodes, 0) << seed;
@@ -84,8 +84,8 @@ TEST(SmallProblem, IsProvedWhereRelaxationsAreFlat) {
 
 TEST(SmallProblem, ATreeCutShortLosesNothingAndLeavesItsBound) {
   Options local, few;
-  local.small_budget = 0;
-  few.small_budget = 1;
+  local.max_small_problem_nodes = 0;
+  few.max_small_problem_nodes = 1;
   int unproved = 0;
   int counted = 0, bounded = 0;
   for (std::uint64_t seed = 1; seed <= 100; ++seed) {
@@ -96,10 +96,12 @@ TEST(SmallProblem, ATreeCutShortLosesNothingAndLeavesItsBound) {
     EXPECT_LE(s.objective, by_local.objective + 1e-9 * (1.0 + std::abs(s.objective))) << seed;
     if (s.proved) continue;
     ++unproved;
-    if (s.detail.find("small_budget: not proved by 1 nodes") != std::string::npos) ++counted;
+    if (s.detail.find("max_small_problem_nodes: not proved by 1 nodes") != std::string::npos) ++counted;
     EXPECT_LE(s.nodes, 1) << s.detail;
-    EXPECT_EQ(s.nodes > 0, s.detail.find("small_budget: not proved by") != std::string::npos) << s.detail;
-    const double optimum = std::isfinite(s.bound) ? solved(p, {.global = true}).objective : s.objective;
+    EXPECT_EQ(s.nodes > 0, s.detail.find("max_small_problem_nodes: not proved by") != std::string::npos)
+        << s.detail;
+    const double optimum =
+        std::isfinite(s.bound) ? solved(p, {.global_search = true}).objective : s.objective;
     EXPECT_LE(s.bound, optimum + 1e-9 * (1.0 + std::abs(optimum))) << seed;
     bounded += std::isfinite(s.bound) && std::isfinite(s.gap);
   }
@@ -110,7 +112,7 @@ TEST(SmallProblem, ATreeCutShortLosesNothingAndLeavesItsBound) {
 
 TEST(SmallProblem, AWarmSolveDoesNotPayForIt) {
   Options local;
-  local.small_budget = 0;
+  local.max_small_problem_nodes = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const OwnedProblem p = small(seed);
     const Problem problem = Problem::create(p.view()).value();
@@ -146,8 +148,8 @@ TEST(SmallProblem, AWarmStartIsTakenWithoutPolishToo) {
 // Softening an answer never leaves its basin there; each start is elsewhere.
 TEST(SmallProblem, IndefiniteOnesGetStartsElsewhere) {
   Options one, many;
-  one.small_budget = many.small_budget = 0;
-  many.starts = 16;
+  one.max_small_problem_nodes = many.max_small_problem_nodes = 0;
+  many.num_starts = 16;
   int lower = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const OwnedProblem p = testing::random_problem(
@@ -162,10 +164,10 @@ TEST(SmallProblem, IndefiniteOnesGetStartsElsewhere) {
   EXPECT_GT(lower, 0);
 }
 
-// Each start of a small one has small_budget of its own.
+// Each start of a small one has max_small_problem_nodes of its own.
 TEST(SmallProblem, StartsOfIndefiniteOnesLookInAsManyPlaces) {
   Options one, many;
-  many.starts = 8;
+  many.num_starts = 8;
   int compared = 0;
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const OwnedProblem p = testing::random_problem(
@@ -173,7 +175,7 @@ TEST(SmallProblem, StartsOfIndefiniteOnesLookInAsManyPlaces) {
     const Solution first = solved(p, one);
     const Solution best = solved(p, many);
     if (first.status != Status::solved || best.status != Status::solved) continue;
-    EXPECT_GT(best.factorizations, first.factorizations + 7 * one.small_budget - 1) << seed;
+    EXPECT_GT(best.factorizations, first.factorizations + 7 * one.max_small_problem_nodes - 1) << seed;
     EXPECT_LE(best.objective, first.objective + 1e-9 * (1.0 + std::abs(first.objective))) << seed;
     ++compared;
   }

@@ -273,7 +273,7 @@ TEST(Solver, BadInitialPointsLeaveTheSolverFitForUse) {
   EXPECT_EQ(solver.solve().value().z, before.z);
 }
 
-TEST(Solver, StartsWhereItIsTold) {
+TEST(Solver, StartsWhereItIsReported) {
   const OwnedProblem p = testing::random_problem({}, 6);
   std::vector<double> start(p.g.size());
   for (std::size_t i = 0; i < start.size(); ++i) start[i] = 0.1 * static_cast<double>(i) - 0.5;
@@ -399,8 +399,8 @@ TEST(Solver, ItsNumbersAreThoseOfItsPointHoweverItEnded) {
       options.max_iterations = 5 + static_cast<int>(seed) % 40;
       const Solution s = solve_in_process(p.view(), options).value();
       const testing::Verdict verdict = judge(p.view(), s);
-      const auto expect_same = [&](double told, double found) {
-        EXPECT_NEAR(told, found, 1e-9 * (1.0 + std::abs(found))) << p.name << " " << to_string(s.status);
+      const auto expect_same = [&](double reported, double found) {
+        EXPECT_NEAR(reported, found, 1e-9 * (1.0 + std::abs(found))) << p.name << " " << to_string(s.status);
       };
       expect_same(s.objective, verdict.objective);
       expect_same(s.violations.equality, verdict.equality);

@@ -50,8 +50,8 @@ struct Planned : Workbench {
     return answer.ending;
   }
   Ending cold() { return start(zero(), std::nullopt); }
-  Ending warm(const Iterate& solution, double cold_objective) {
-    return start(zero(), Strategy::WarmStart{&solution, cold_objective});
+  Ending warm(const Iterate& solution, double reference_objective) {
+    return start(zero(), Strategy::WarmStart{&solution, reference_objective});
   }
   /// The exact solution of a branch.
   [[nodiscard]] Iterate solved_branch(unsigned s_fixed) {
@@ -136,7 +136,7 @@ TEST(Strategy, WithoutPolishItIsThePathAlone) {
 
 TEST(Strategy, WithoutASearchBudgetNoBranchIsLeft) {
   Options options;
-  options.local_search_budget = 0;
+  options.max_local_search_factorizations = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     Planned p(testing::random_problem({.variables = 16, .pairs = 8}, seed), options);
     const Ending end = p.cold();
@@ -151,7 +151,7 @@ TEST(Strategy, SearchesAreWorthTheirFactorizations) {
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
     const OwnedProblem problem = testing::random_problem({.variables = 20, .pairs = 10}, seed);
     Options none;
-    none.local_search_budget = 0;
+    none.max_local_search_factorizations = 0;
     Planned with(problem), without(problem, none);
     if (with.cold().status != Status::solved || without.cold().status != Status::solved) continue;
     EXPECT_LE(with.objective(), without.objective() + 1e-7 * (1.0 + std::abs(without.objective()))) << seed;
@@ -202,7 +202,7 @@ TEST(Strategy, AWarmStartWhoseBranchIsStillFeasibleIsAllThereIs) {
   }
 }
 
-TEST(Strategy, AWarmStartThatCannotBeMendedIsAColdOne) {
+TEST(Strategy, AWarmStartThatCannotBeRestoredIsAColdOne) {
   Planned warm(examples::hopper({.steps = 10})), cold(examples::hopper({.steps = 10}));
   Iterate nonsense(warm.problem);
   nonsense.all = 1e3 * Vector::LinSpaced(nonsense.all.size(), -1.0, 1.0);
@@ -252,7 +252,7 @@ TEST(Strategy, WhereBranchesMeetTheOthersAreTriedToo) {
     EXPECT_EQ(p.answer.b_stationary, true);
   }
   Options options;
-  options.local_search_budget = 0;
+  options.max_local_search_factorizations = 0;
   Planned none(half_a_corner(1.0), options);
   EXPECT_EQ(none.warm(none.solved_branch(1), kInfinity).status, Status::solved);
   EXPECT_NEAR(none.objective(), 0.0, 1e-9) << "no branch but its own is looked at";
@@ -284,7 +284,7 @@ TEST(Strategy, APathThatEndsAtASaddleSaysSoThoughTheBudgetForLeavingItRanOut) {
   std::vector<SecondOrder> said;
   for (int budget = 1; budget <= 41; budget += 4) {
     Options options;
-    options.local_search_budget = budget;
+    options.max_local_search_factorizations = budget;
     Planned planned(p, options);
     ASSERT_EQ(planned.cold().status, Status::solved) << budget;
     const SecondOrder word = planned.answer.second_order;

@@ -123,7 +123,7 @@ TEST(WarmStart, OfTheSameProblemIsTheSameAnswerAtOnce) {
     ASSERT_EQ(warm.status, Status::solved) << p.name;
     EXPECT_LE(warm.factorizations, 3) << p.name;
     EXPECT_NEAR(warm.objective, cold.objective, 1e-8 * (1.0 + std::abs(cold.objective))) << p.name;
-    EXPECT_EQ(warm.cold_objective, cold.cold_objective);
+    EXPECT_EQ(warm.reference_objective, cold.reference_objective);
   }
 }
 
@@ -188,9 +188,9 @@ TEST(WarmStart, OfOtherSizesIsAnErrorThatNamesTheField) {
   s.z[2] = std::numeric_limits<double>::infinity();
   EXPECT_EQ(solver.solve({.warm_start = &s}).error().message(), "warm_start.z[2] = inf: must be finite");
   s = solver.solve().value();
-  s.cold_objective = std::numeric_limits<double>::quiet_NaN();
+  s.reference_objective = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(solver.solve({.warm_start = &s}).error().message(),
-            "warm_start.cold_objective = nan: must be a number");
+            "warm_start.reference_objective = nan: must be a number");
 }
 
 TEST(WarmStart, HearsAStopAndKeepsLimits) {
@@ -210,7 +210,7 @@ TEST(Starts, MoreOfThemAreNeverWorse) {
     double last = std::numeric_limits<double>::infinity();
     for (const int starts : {1, 2, 4}) {
       Options options;
-      options.starts = starts;
+      options.num_starts = starts;
       const Solution s = solve_in_process(p.view(), options).value();
       ASSERT_EQ(s.status, Status::solved) << p.name;
       EXPECT_LE(s.objective, last + 1e-9 * (1.0 + std::abs(last))) << p.name;

@@ -14,7 +14,7 @@ using testing::ProblemBuilder;
 
 Options global(int node_limit = 1000000) {
   Options options;
-  options.global = true;
+  options.global_search = true;
   options.node_limit = node_limit;
   return options;
 }

@@ -19,13 +19,13 @@ OwnedProblem endless() { return examples::qpec({40, 80, 40, 40}, 0); }
 
 Options global(int node_limit = 1000000) {
   Options options;
-  options.global = true;
+  options.global_search = true;
   options.node_limit = node_limit;
   return options;
 }
 
-// What a tree has told last.
-struct Told final : ProgressSink {
+// What a tree has reported last.
+struct Reported final : ProgressSink {
   void report(const Progress& row) override {
     if (row.nodes > 0) last = without_vectors(row);
   }
@@ -76,20 +76,20 @@ TEST(TreeRun, IsCancelledWithinOneNode) {
   std::int64_t before = 0;
   for (std::size_t expansions = 0; expansions < 4; ++expansions) {
     OneByOne runner(kRound, expansions);
-    Told told;
+    Reported reported;
     const Solution s =
         solve_in_process(p.view(), global(),
-                         {.progress = &told, .stop = runner.source.get_token(), .runner = &runner})
+                         {.progress = &reported, .stop = runner.source.get_token(), .runner = &runner})
             .value();
     EXPECT_EQ(s.status, Status::cancelled) << s.detail;
     EXPECT_FALSE(s.proved);
     EXPECT_LE(s.bound, s.objective);
-    EXPECT_GE(s.bound, told.last.bound);
+    EXPECT_GE(s.bound, reported.last.bound);
     EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 1e-6) << "the incumbent";
     if (expansions == 0) {
-      EXPECT_EQ(s.nodes, told.last.nodes) << "what was known when the round began";
-      EXPECT_EQ(s.open_nodes, told.last.open_nodes);
-      EXPECT_EQ(s.bound, told.last.bound);
+      EXPECT_EQ(s.nodes, reported.last.nodes) << "what was known when the round began";
+      EXPECT_EQ(s.open_nodes, reported.last.open_nodes);
+      EXPECT_EQ(s.bound, reported.last.bound);
     } else {
       EXPECT_GT(s.nodes, before) << expansions;
       EXPECT_LE(s.nodes, before + 2) << expansions << ": one node's children";
@@ -145,7 +145,7 @@ TEST(TreeRun, AnswersNoWorseThanFurtherStartsDo) {
   const OwnedProblem p = examples::hopper(examples::vary(examples::HopperParameters{.steps = 22}, 3));
   Options options;
   const Solution one = solve_in_process(p.view(), options).value();
-  options.starts = 8;
+  options.num_starts = 8;
   const Solution eight = solve_in_process(p.view(), options).value();
   ASSERT_LT(eight.objective, 0.98 * one.objective) << "what there is to be found";
   const Solution s = solve_in_process(p.view(), global(200)).value();

@@ -135,7 +135,7 @@ std::optional<double> expect_verdict(const OwnedProblem& p, const Solution& s, c
 
 void expect_as_enumerated(const OwnedProblem& p, const std::string& name, Verdicts& seen) {
   Options options;
-  options.global = true;
+  options.global_search = true;
   const Solution s = solve_in_process(p.view(), options).value();
   const std::optional<double> best = expect_verdict(p, s, name, seen);
   if (!best) return;
@@ -187,7 +187,7 @@ TEST(Tree, ThatGoesOnFromTheLastOneFindsTheOptimumAndTheVerdictOfAnEnumerationTo
     OwnedProblem p = make(seed, 2 + static_cast<Index>(seed / 6 % 5));
     std::mt19937_64 engine(seed);
     Options options;
-    options.global = true;
+    options.global_search = true;
     WarmSolver session = WarmSolver::create(Problem::create(p.view()).value(), options).value();
     Restart restart;
     for (int tick = 0; tick < 5; ++tick) {
@@ -218,7 +218,7 @@ TEST(Tree, OfARecedingHorizonIsTheSameKeptAndBegunAnew) {
   constexpr int kStages = 5;
   examples::HopperParameters parameters{.steps = kStages};
   Options options;
-  options.global = true;
+  options.global_search = true;
   const OwnedProblem first = examples::hopper(parameters);
   const Problem problem = Problem::create(first.view()).value();
   WarmSolver kept = WarmSolver::create(problem, options, first.initial_z).value();
@@ -253,7 +253,7 @@ TEST(Tree, NeverAnswersWithMoreThanTheLocalAnswer) {
     const OwnedProblem p = examples::hopper(parameters);
     Options options;
     const Solution local = solve_in_process(p.view(), options).value();
-    options.global = true;
+    options.global_search = true;
     const Solution s = solve_in_process(p.view(), options).value();
     EXPECT_EQ(s.status, Status::solved) << s.detail;
     EXPECT_LE(s.objective, local.objective + 1e-9) << tick << " " << s.detail;
@@ -268,7 +268,7 @@ TEST(Tree, KeepsNothingThatItsMemoryWouldNotHold) {
   const Problem problem = Problem::create(p.view()).value();
   Options options;
   const std::int64_t local = Solver::create(problem, options).value().memory_bytes();
-  options.global = true;
+  options.global_search = true;
   const std::int64_t most = local + 4'000'000;
   WarmSolver small = WarmSolver::create(problem, options, p.initial_z, {.most_bytes = most}).value();
   WarmSolver large = WarmSolver::create(problem, options, p.initial_z).value();

@@ -24,7 +24,7 @@ struct CoupledArguments {
   ServerArguments server;
   SolverArguments solver;
   Priority priority = Priority::by_method;
-  Index pieces = 0, stage_variables = 0, look_ahead = -1;
+  Index pieces = 0, stage_variables = 0, overlap = -1;
   bool sessions = false;
 };
 
@@ -33,7 +33,7 @@ int file_of_blocks_fails(const std::string& path, const Error& error) {
   return exit_code_of_local(error);
 }
 
-void tell_iteration(const CoupledArguments& arguments, const CoupledIteration& now) {
+void report_iteration(const CoupledArguments& arguments, const CoupledIteration& now) {
   if (arguments.server.json()) {
     std::cout << line({{"iteration", now.iteration},
                        {"objective", now.objective},
@@ -52,8 +52,9 @@ void tell_iteration(const CoupledArguments& arguments, const CoupledIteration& n
   std::fflush(stdout);
 }
 
-int tell_answer(const CoupledArguments& arguments, const Solution& solution, const Coordination& coordination,
-                const std::string& job_id, std::int32_t repeated, const Json& more) {
+int report_answer(const CoupledArguments& arguments, const Solution& solution,
+                  const Coordination& coordination, const std::string& job_id, std::int32_t repeated,
+                  const Json& more) {
   const double violation = std::max(
       {solution.violations.equality, solution.violations.inequality, solution.violations.complementarity});
   if (arguments.server.json()) {
@@ -99,8 +100,8 @@ int run_blocks(const CoupledArguments& arguments, const Options& options, const 
     z.push_back(
         std::vector<double>(first + answer->places[k].variables, first + answer->places[k + 1].variables));
   }
-  return tell_answer(arguments, answer->joint, answer->coordination, answer->job_id, answer->repeated,
-                     {{"prices", std::vector<double>(prices.begin(), prices.end())}, {"z", z}});
+  return report_answer(arguments, answer->joint, answer->coordination, answer->job_id, answer->repeated,
+                       {{"prices", std::vector<double>(prices.begin(), prices.end())}, {"z", z}});
 }
 
 int run_pieces(const CoupledArguments& arguments, const Options& options, const Client& client,
@@ -112,15 +113,15 @@ int run_pieces(const CoupledArguments& arguments, const Options& options, const 
   std::vector<Index> stages(static_cast<std::size_t>(problem->variables()));
   for (Index j = 0; j < problem->variables(); ++j)
     stages[static_cast<std::size_t>(j)] = j / arguments.stage_variables;
-  PiecesOptions settings{.pieces = arguments.pieces, .look_ahead = arguments.look_ahead};
+  PiecesOptions settings{.pieces = arguments.pieces, .overlap = arguments.overlap};
   settings.coupled.options = options;
   call.problem_name = file->problem.name;
   const auto answer = arguments.sessions
                           ? client.solve_in_pieces_by_sessions(*problem, stages, settings, controls)
                           : client.solve_in_pieces(*problem, stages, settings, controls, call);
   if (!answer) return server_fails(arguments.server, answer.error());
-  return tell_answer(arguments, answer->whole, answer->coordination, answer->job_id, answer->repeated,
-                     {{"sweep_objective", answer->sweep_objective}, {"z", answer->whole.z}});
+  return report_answer(arguments, answer->whole, answer->coordination, answer->job_id, answer->repeated,
+                       {{"sweep_objective", answer->sweep_objective}, {"z", answer->whole.z}});
 }
 
 int run(const CoupledArguments& arguments) {
@@ -130,7 +131,7 @@ int run(const CoupledArguments& arguments) {
   if (!client) return server_fails(arguments.server, client.error());
   const Interrupt interrupt;
   const CoupledControls controls{
-      .progress = [&](const CoupledIteration& now) { tell_iteration(arguments, now); },
+      .progress = [&](const CoupledIteration& now) { report_iteration(arguments, now); },
       .stop = interrupt.token()};
   CallControls call;
   call.priority = arguments.priority;
@@ -157,7 +158,7 @@ void add_coupled(CLI::App& program, int& exit_code) {
   pieces->needs(width)->check(CLI::Range(Index{1}, static_cast<Index>(kMostBlocks)));
   width->needs(pieces)->check(CLI::Range(Index{1}, std::numeric_limits<Index>::max()));
   command
-      ->add_option("--look-ahead", arguments->look_ahead,
+      ->add_option("--overlap", arguments->overlap,
                    "stages by which the segments of the forward pass overlap; -1: a third of a segment")
       ->needs(pieces)
       ->capture_default_str();

@@ -24,7 +24,7 @@ int cancel_job(const EndArguments& arguments, const Jobs& jobs, const std::strin
   } else {
     // A running solve ends with its current iteration, shortly after.
     const bool over = job->state == JobState::finished;
-    std::cout << without_controls(id) << (over ? " has ended: " + ending(*job) : " is told to end") << '\n';
+    std::cout << without_controls(id) << (over ? " has ended: " + ending(*job) : " will end") << '\n';
   }
   return kAllSolved;
 }

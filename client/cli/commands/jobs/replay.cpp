@@ -102,7 +102,7 @@ Expected<Outcome> compare(const Recorded& recorded, const Expected<Solved>& solv
   if (trace.rows_size() == 0 && !solved->rows.empty()) {
     outcome.left_out.push_back("the convergence: none was kept");
   } else if (!solved->all_rows) {
-    outcome.left_out.push_back("the convergence: the server told it faster than it could be read");
+    outcome.left_out.push_back("the convergence: the server reported it faster than it could be read");
   } else {
     outcome.differences = differences(trace, whole, messages_of(solved->rows));
   }
@@ -131,7 +131,7 @@ std::string place_of(const Difference& one) {
   return text;
 }
 
-std::string told(const Difference& one) {
+std::string reported(const Difference& one) {
   std::string text = place_of(one) + " was " + terminal_text(one.before) + ", is " + terminal_text(one.now);
   char more[96] = "";
   if (one.entries > 1)
@@ -153,8 +153,8 @@ void print(const Recorded& recorded, const v1::JobBundle& here, bool remote, con
     std::printf("same         bit for bit, but for times\n");
     return;
   }
-  std::printf("first        %s\n", told(first_of(outcome.differences)).c_str());
-  for (const Difference& one : outcome.differences) std::printf("differs      %s\n", told(one).c_str());
+  std::printf("first        %s\n", reported(first_of(outcome.differences)).c_str());
+  for (const Difference& one : outcome.differences) std::printf("differs      %s\n", reported(one).c_str());
 }
 
 Json json_of(const Difference& one) {
@@ -194,7 +194,7 @@ int run(const ReplayArguments& arguments) {
     return fails(outcome.error(),
                  remote ? exit_code_of(outcome.error()) : exit_code_of_local(outcome.error()));
   v1::JobBundle here;
-  tell_build(&here);
+  report_build(&here);
   if (arguments.server.json()) {
     print_json(arguments, *recorded, *outcome);
   } else {

@@ -32,8 +32,8 @@ Subject subject_of(const Jobs& jobs, const std::string& id) {
           .options = details->options};
 }
 
-int tell_result(const ResultArguments& arguments, const Jobs& jobs, const std::string& id,
-                const std::stop_token& stop) {
+int report_result(const ResultArguments& arguments, const Jobs& jobs, const std::string& id,
+                  const std::stop_token& stop) {
   const auto answer = jobs.result(id, {.wait = arguments.wait, .stop = stop});
   if (!answer) {
     const int outcome = job_fails(arguments.server, id, answer.error());
@@ -50,15 +50,15 @@ int tell_result(const ResultArguments& arguments, const Jobs& jobs, const std::s
 }
 
 // Prints a line per result, in the order of arrival. Without --wait only the existing ones.
-int tell_array(const ResultArguments& arguments, const Jobs& jobs, const std::string& id,
-               const ArrayProgress& progress, const std::stop_token& stop) {
+int report_array(const ResultArguments& arguments, const Jobs& jobs, const std::string& id,
+                 const ArrayProgress& progress, const std::stop_token& stop) {
   int outcome = kAllSolved;
   std::stop_source enough;
   const std::stop_callback pass_on(stop, [&enough] { enough.request_stop(); });
-  std::int64_t told = arguments.after;
-  const auto tell = [&](const ArrayAnswer& element) {
-    if (!arguments.wait && told == progress.done) return;
-    told = element.sequence;
+  std::int64_t reported = arguments.after;
+  const auto report = [&](const ArrayAnswer& element) {
+    if (!arguments.wait && reported == progress.done) return;
+    reported = element.sequence;
     const std::string name = id + "[" + std::to_string(element.index) + "]";
     if (!element.answer) {
       outcome = worse(outcome, exit_code_of(element.answer.error()));
@@ -80,10 +80,10 @@ int tell_array(const ResultArguments& arguments, const Jobs& jobs, const std::st
     }
     std::fflush(stdout);
     std::cout << std::flush;
-    if (!arguments.wait && told == progress.done) enough.request_stop();
+    if (!arguments.wait && reported == progress.done) enough.request_stop();
   };
-  if (!arguments.wait && told >= progress.done && progress.done < progress.elements) return kNotSolved;
-  const auto read = jobs.array(id, tell, {.after = arguments.after, .stop = enough.get_token()});
+  if (!arguments.wait && reported >= progress.done && progress.done < progress.elements) return kNotSolved;
+  const auto read = jobs.array(id, report, {.after = arguments.after, .stop = enough.get_token()});
   if (read) return outcome;
   if (!stop.stop_requested() && enough.stop_requested())
     return progress.done == progress.elements ? outcome : worse(outcome, kNotSolved);
@@ -98,9 +98,9 @@ int run(const ResultArguments& arguments) {
   for (const std::string& id : arguments.jobs) {
     const auto details = client->jobs().get(id);
     const bool is_array = details && details->job.kind == JobKind::array;
-    exit_code = worse(
-        exit_code, is_array ? tell_array(arguments, client->jobs(), id, details->job.array, interrupt.token())
-                            : tell_result(arguments, client->jobs(), id, interrupt.token()));
+    exit_code = worse(exit_code, is_array ? report_array(arguments, client->jobs(), id, details->job.array,
+                                                         interrupt.token())
+                                          : report_result(arguments, client->jobs(), id, interrupt.token()));
   }
   return exit_code;
 }

@@ -28,8 +28,8 @@ struct SubmitArguments {
   Priority priority = Priority::by_method;
 };
 
-int tell_error(const SubmitArguments& arguments, const std::string& path, const std::string& name,
-               Error error, bool remote) {
+int report_error(const SubmitArguments& arguments, const std::string& path, const std::string& name,
+                 Error error, bool remote) {
   if (error.code == ErrorCode::unavailable)
     error.bound = "server " + arguments.server.server + ": " + error.bound;
   complain(path, error.message());
@@ -40,14 +40,14 @@ int tell_error(const SubmitArguments& arguments, const std::string& path, const 
 int submit_file(const SubmitArguments& arguments, const std::string& path, const Options& options,
                 const Jobs& jobs, const std::stop_token& stop) {
   const auto file = formats::read_any_problem(path);
-  if (!file) return tell_error(arguments, path, "", file.error(), false);
+  if (!file) return report_error(arguments, path, "", file.error(), false);
   if (file->maximize) complain(path, formats::kNegativeOfMaximum);
   CallControls call;
   call.problem_name = file->problem.name;
   call.priority = arguments.priority;
   const SolveControls controls{nullptr, stop, file->problem.initial_z};
   const auto job = jobs.submit(file->problem.view(), options, controls, call);
-  if (!job) return tell_error(arguments, path, file->problem.name, job.error(), true);
+  if (!job) return report_error(arguments, path, file->problem.name, job.error(), true);
   if (arguments.server.json()) {
     std::cout << line({{"name", file->problem.name},
                        {"file", path},
@@ -85,7 +85,7 @@ Expected<std::vector<std::string>> files_of(const std::vector<std::string>& give
 int submit_array(const SubmitArguments& arguments, const Options& options, const Jobs& jobs,
                  const std::stop_token& stop) {
   const auto files = files_of(arguments.files);
-  if (!files) return tell_error(arguments, files.error().field, "", files.error(), false);
+  if (!files) return report_error(arguments, files.error().field, "", files.error(), false);
   std::stop_source given_up;
   const std::stop_callback pass_on(stop, [&given_up] { given_up.request_stop(); });
   std::size_t next = 0;
@@ -110,8 +110,8 @@ int submit_array(const SubmitArguments& arguments, const Options& options, const
                                                 .priority = arguments.priority,
                                                 .request_id = arguments.request_id,
                                                 .stop = given_up.get_token()});
-  if (fault) return tell_error(arguments, fault->first, "", fault->second, false);
-  if (!array) return tell_error(arguments, "array", "", array.error(), true);
+  if (fault) return report_error(arguments, fault->first, "", fault->second, false);
+  if (!array) return report_error(arguments, "array", "", array.error(), true);
   if (arguments.server.json()) {
     std::cout << line({{"job_id", array->job_id}, {"elements", array->elements}}) << '\n';
   } else {
@@ -133,8 +133,8 @@ int run(const SubmitArguments& arguments) {
   for (const std::string& path : arguments.files) {
     const int outcome =
         interrupt.token().stop_requested()
-            ? tell_error(arguments, path, "",
-                         failure(ErrorCode::cancelled, "not submitted: interrupted before"), false)
+            ? report_error(arguments, path, "",
+                           failure(ErrorCode::cancelled, "not submitted: interrupted before"), false)
             : submit_file(arguments, path, *options, client->jobs(), interrupt.token());
     exit_code = worse(exit_code, outcome);
   }

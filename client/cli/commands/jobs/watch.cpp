@@ -66,11 +66,11 @@ Json json_of(const JobEvent& event) {
 int watch_plainly(const WatchArguments& arguments, const Client& client) {
   const Interrupt interrupt;
   int outcome = kNotSolved;
-  const auto tell = [&](const JobEvent& event) {
+  const auto report = [&](const JobEvent& event) {
     std::cout << (arguments.server.json() ? line(json_of(event)) : text_of(event)) << '\n' << std::flush;
     if (event.job.state == JobState::finished) outcome = exit_code_of(event.job);
   };
-  const auto watched = client.jobs().watch(arguments.job, tell, {arguments.interval_s, interrupt.token()});
+  const auto watched = client.jobs().watch(arguments.job, report, {arguments.interval_s, interrupt.token()});
   if (watched) return outcome;
   const bool all = arguments.job.empty();
   if (all && interrupt.token().stop_requested()) return kAllSolved;  // the only way to end it

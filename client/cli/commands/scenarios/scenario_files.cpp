@@ -55,7 +55,7 @@ struct Columns {
 
 Expected<Columns> columns_of(const std::string& name, const formats::NpyArray& array) {
   if (array.shape.empty() || array.shape.size() > 2)
-    return unexpected(invalid(name, "must have a row for each world"));
+    return unexpected(invalid(name, "must have a row for each scenario"));
   Columns columns{array.values, array.shape[0], array.shape.size() < 2 ? 1 : array.shape[1]};
   if (columns.values.size() != columns.rows * columns.width)
     return unexpected(invalid(name, "must hold numbers"));
@@ -130,7 +130,7 @@ Expected<void> read_samples(const std::string& path, ScenarioFile& file) {
       if (!columns) return unexpected(columns.error());
       if (!parts.empty() && columns->rows != parts.front().rows)
         return unexpected(invalid(name, std::to_string(columns->rows) + " rows",
-                                  "must have a row for each world, as others have"));
+                                  "must have a row for each scenario, as others have"));
       file.table.entries.push_back({*part, {}});
       parts.push_back(*std::move(columns));
     } else {

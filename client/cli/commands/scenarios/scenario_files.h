@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "marble/composite/worlds.h"
+#include "marble/composite/scenarios.h"
 
 namespace marble::cli {
 

@@ -31,12 +31,12 @@ int file_fails(const std::string& path, const Error& error) {
   return exit_code_of_local(error);
 }
 
-Json fresh_json(const OutOfSample& fresh) {
-  return {{"scenarios", fresh.scenarios},
-          {"without_recourse", fresh.without_recourse},
-          {"mean", fresh.mean},
-          {"half_width", std::isfinite(fresh.half_width) ? Json(fresh.half_width) : Json()},
-          {"factorizations", fresh.factorizations}};
+Json out_of_sample_json(const OutOfSample& out_of_sample) {
+  return {{"scenarios", out_of_sample.scenarios},
+          {"without_recourse", out_of_sample.without_recourse},
+          {"mean", out_of_sample.mean},
+          {"half_width", std::isfinite(out_of_sample.half_width) ? Json(out_of_sample.half_width) : Json()},
+          {"factorizations", out_of_sample.factorizations}};
 }
 
 Json level_json(const ScenarioLevel& level) {
@@ -48,23 +48,25 @@ Json level_json(const ScenarioLevel& level) {
           {"seconds", level.seconds},
           {"warm", level.warm},
           {"searched", level.searched},
-          {"fresh", level.fresh ? fresh_json(*level.fresh) : Json()}};
+          {"out_of_sample", level.out_of_sample ? out_of_sample_json(*level.out_of_sample) : Json()}};
 }
 
-void tell_level(const ScenarioArguments& arguments, const ScenarioLevel& level) {
+void report_level(const ScenarioArguments& arguments, const ScenarioLevel& level) {
   if (arguments.server.json()) {
     std::cout << line(level_json(level)) << '\n' << std::flush;
     return;
   }
   if (level.level == 0)
-    std::printf("%7s %-14s %15s %31s %9s %8s %8s\n", "worlds", "status", "value", "in other worlds, 95 %",
-                "no way", "fact", "s");
+    std::printf("%7s %-14s %15s %31s %9s %8s %8s\n", "scenarios", "status", "value",
+                "in other scenarios, 95 %", "no way", "fact", "s");
   std::string others, no_way;
-  if (level.fresh) {
+  if (level.out_of_sample) {
     char text[64];
-    std::snprintf(text, sizeof text, "%.7g +- %.3g", level.fresh->mean, level.fresh->half_width);
+    std::snprintf(text, sizeof text, "%.7g +- %.3g", level.out_of_sample->mean,
+                  level.out_of_sample->half_width);
     others = text;
-    no_way = std::to_string(level.fresh->without_recourse) + "/" + std::to_string(level.fresh->scenarios);
+    no_way = std::to_string(level.out_of_sample->without_recourse) + "/" +
+             std::to_string(level.out_of_sample->scenarios);
   }
   std::printf("%7lld %-14s %15.7e %31s %9s %8lld %8.3f\n", static_cast<long long>(level.scenarios),
               to_string(level.status), level.objective, others.c_str(), no_way.c_str(),
@@ -72,7 +74,7 @@ void tell_level(const ScenarioArguments& arguments, const ScenarioLevel& level) 
   std::fflush(stdout);
 }
 
-void tell_answer(const ScenarioArguments& arguments, const RemoteScenarios& answer) {
+void report_answer(const ScenarioArguments& arguments, const RemoteScenarios& answer) {
   if (arguments.server.json()) {
     std::cout << line({{"file", arguments.base},
                        {"job_id", answer.job_id},
@@ -89,7 +91,7 @@ void tell_answer(const ScenarioArguments& arguments, const RemoteScenarios& answ
     return;
   }
   std::printf(
-      "%s: %s; the plan is for %lld worlds, objective %.10g, largest violation %.1e\n%s\n",
+      "%s: %s; the plan is for %lld scenarios, objective %.10g, largest violation %.1e\n%s\n",
       to_string(answer.end), to_string(answer.status), static_cast<long long>(answer.scenarios),
       answer.objective,
       std::max({answer.violations.equality, answer.violations.inequality, answer.violations.complementarity}),
@@ -103,10 +105,10 @@ int run(ScenarioArguments& arguments) {
   const auto base = formats::read_any_problem(arguments.base);
   if (!base) return file_fails(arguments.base, base.error());
   const bool sampled = !arguments.sampler.empty();
-  const std::string& worlds = sampled ? arguments.sampler : arguments.samples;
+  const std::string& scenarios = sampled ? arguments.sampler : arguments.samples;
   ScenarioFile file;
-  auto read = sampled ? read_sampler(worlds, file) : read_samples(worlds, file);
-  if (!read) return file_fails(worlds, read.error());
+  auto read = sampled ? read_sampler(scenarios, file) : read_samples(scenarios, file);
+  if (!read) return file_fails(scenarios, read.error());
   if (!arguments.first_stage.empty()) {
     auto plan = parse_indices(arguments.first_stage);
     if (!plan) return option_fails(plan.error());
@@ -118,12 +120,12 @@ int run(ScenarioArguments& arguments) {
   problem.own_equalities = file.own_equalities;
   problem.own_inequalities = file.own_inequalities;
   problem.own_pairs = file.own_pairs;
-  const auto set = sampled ? set_worlds(problem, file.sampler) : set_worlds(problem, file.table);
-  if (!set) return file_fails(worlds, set.error());
+  const auto set = sampled ? set_scenarios(problem, file.sampler) : set_scenarios(problem, file.table);
+  if (!set) return file_fails(scenarios, set.error());
   const auto client = connect(arguments.server);
   if (!client) return server_fails(arguments.server, client.error());
   const Interrupt interrupt;
-  arguments.settings.level = [&](const ScenarioLevel& level) { tell_level(arguments, level); };
+  arguments.settings.level = [&](const ScenarioLevel& level) { report_level(arguments, level); };
   CallControls call;
   call.problem_name = base->problem.name;
   call.priority = arguments.priority;
@@ -132,7 +134,7 @@ int run(ScenarioArguments& arguments) {
                           ? client->solve_scenarios(problem, file.sampler, arguments.settings, controls, call)
                           : client->solve_scenarios(problem, arguments.settings, controls, call);
   if (!answer) return server_fails(arguments.server, answer.error());
-  tell_answer(arguments, *answer);
+  report_answer(arguments, *answer);
   return is_solved(answer->status) ? kAllSolved : kNotSolved;
 }
 
@@ -162,12 +164,12 @@ void add_scenarios(CLI::App& program, int& exit_code) {
   add_solver_arguments(*command, arguments->solver);
   ScenarioSettings& settings = arguments->settings;
   command
-      ->add_option("--first", settings.first_scenarios,
+      ->add_option("--first", settings.initial_sample_size,
                    "number of scenarios of the first stage of the approximation")
       ->capture_default_str();
   command->add_option("--growth", settings.growth, "factor by which each stage has more scenarios")
       ->capture_default_str();
-  command->add_option("--most", settings.most_scenarios, "largest number of scenarios")
+  command->add_option("--most", settings.max_sample_size, "largest number of scenarios")
       ->capture_default_str();
   command
       ->add_option("--tolerance", settings.tolerance,
@@ -175,11 +177,11 @@ void add_scenarios(CLI::App& program, int& exit_code) {
                    "fraction of the cost; 0: never")
       ->capture_default_str();
   command
-      ->add_option("--least", settings.least_scenarios,
+      ->add_option("--least", settings.min_sample_size,
                    "smallest number of scenarios at which --tolerance may stop")
       ->capture_default_str();
   command
-      ->add_option("--fresh", settings.fresh_scenarios,
+      ->add_option("--out_of_sample", settings.out_of_sample_scenarios,
                    "number of out-of-sample scenarios that evaluate a plan")
       ->capture_default_str();
   command->footer(kExitCodes);

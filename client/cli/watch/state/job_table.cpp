@@ -119,9 +119,9 @@ void JobTable::update(const JobInfo& job) {
   JobRow& row = rows_[job.job_id];
   const bool had_finished = row.job.state == JobState::finished;
   if (had_finished && job.state != JobState::finished) return;  // older news from another source
-  const bool moved = job.iterations != row.told_iterations;
+  const bool moved = job.iterations != row.reported_iterations;
   row.job = job;
-  row.told_iterations = job.iterations;
+  row.reported_iterations = job.iterations;
   if (moved) row.violations.add(largest(job.violations));
   if (job.state != JobState::finished || had_finished) return;
   finished_.push_back(job.job_id);

@@ -29,7 +29,7 @@ struct TableView {
 struct JobRow {
   JobInfo job;
   Thinned<double, 64> violations;  ///< the largest violation over time
-  std::int64_t told_iterations = 0;
+  std::int64_t reported_iterations = 0;
 };
 
 class JobTable {

@@ -74,8 +74,8 @@ class Client {
                                                       const CallControls& call = {}) const;
 
   /// Computes one plan for many scenarios on a server, as marble::solve_scenarios does, from the first
-  /// most_scenarios + fresh_scenarios scenarios, whose numbers are sent. Each sample-average stage is
-  /// reported on the calling thread, without its x. Of the controls only progress and stop are used; stop
+  /// max_sample_size + out_of_sample_scenarios scenarios, whose numbers are sent. Each sample-average stage
+  /// is reported on the calling thread, without its x. Of the controls only progress and stop are used; stop
   /// cancels the call with the error cancelled. (Option time_limit_s ends with the newest plan.) In process
   /// the deadline is ignored.
   [[nodiscard]] Expected<RemoteScenarios> solve_scenarios(const ScenarioProblem& problem,

@@ -150,7 +150,7 @@ struct Settings {
 
 /// The last accepted x, solved or not.
 struct Answer {
-  /// solved: the step is zero and the KKT residual at most 1e-6 of the largest slope; solved_reduced: the
+  /// solved: the step is zero and the KKT residual at most 1e-6 of the largest slope; almost_solved: the
   /// residual is at most 1e-4, and no step lowers the merit; locally_infeasible: near x the violation cannot
   /// be lowered; numerical_failure: no step lowers the merit, and x is not stationary; or the limit that
   /// ended the solve.

@@ -5,7 +5,6 @@
 #include <string>
 
 #include "marble/composite/scenarios.h"
-#include "marble/composite/worlds.h"
 
 namespace marble {
 

@@ -9,7 +9,7 @@ namespace {
 using Seconds = Patience::Seconds;
 
 constexpr Seconds kFirstPause(0.1), kLongestPause(1.0);
-constexpr Seconds kWait(10.0), kWaitForStranger(0.7);
+constexpr Seconds kWait(10.0), kWaitForUnauthenticated(0.7);
 constexpr double kShortest = 0.8;  // of a pause
 
 double share() {
@@ -30,7 +30,7 @@ std::optional<Seconds> Patience::pause() {
     since_ = now;
     next_ = kFirstPause;
   }
-  const Seconds left = wait_.value_or(reached_ ? kWait : kWaitForStranger) - (now - *since_);
+  const Seconds left = wait_.value_or(reached_ ? kWait : kWaitForUnauthenticated) - (now - *since_);
   if (!(left > Seconds(0.0))) return std::nullopt;
   const Seconds pause = std::min(next_ * share(), left);
   next_ = std::min(2.0 * next_, kLongestPause);

@@ -13,7 +13,7 @@ Expected<FileFormat> format_of_path(const std::string& path) {
   if (extension == ".json") return FileFormat::json;
   if (extension == ".pb" || extension == ".bin") return FileFormat::binary;
   return unexpected(
-      failure(ErrorCode::invalid_argument, "must end in .json, .pb or .bin: the extension tells the format"));
+      failure(ErrorCode::invalid_argument, "must end in .json, .pb or .bin: the extension names the format"));
 }
 
 FileFormat format_of_content(std::string_view content) {

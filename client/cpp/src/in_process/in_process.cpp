@@ -45,9 +45,9 @@ Expected<RemoteSolution> DeadlineLimit::answer_of_session(Expected<Solution> sol
 void ThinnedProgress::report(const Progress& progress) {
   if (last_s_ >= 0.0 && progress.elapsed_s - last_s_ < interval_s_) return;
   last_s_ = progress.elapsed_s;
-  Progress told = without_vectors(progress);
-  if (iterate_every_ > 0 && progress.iteration % iterate_every_ == 0) told.z = progress.z;
-  sink_->report(told);
+  Progress reported = without_vectors(progress);
+  if (iterate_every_ > 0 && progress.iteration % iterate_every_ == 0) reported.z = progress.z;
+  sink_->report(reported);
 }
 
 Expected<RemoteSolution> solve_here(const ProblemView& problem, const Options& options,

@@ -14,7 +14,7 @@ class InProcessSession final : public Session::State {
   InProcessSession(WarmSolver solver, const Options& options, const SessionOptions& session)
       : solver_(std::move(solver)),
         options_(options),
-        tells_(session.progress),
+        reports_(session.progress),
         interval_s_(session.progress_interval_s),
         iterate_every_(session.iterate_every),
         stop_(session.stop) {
@@ -27,7 +27,7 @@ class InProcessSession final : public Session::State {
     if (auto taken = take(controls.options); !taken) return unexpected(taken.error());
     ++sequence_;
     const DeadlineLimit deadline(controls.deadline);
-    ThinnedProgress progress(tells_ ? controls.progress : nullptr, interval_s_, iterate_every_);
+    ThinnedProgress progress(reports_ ? controls.progress : nullptr, interval_s_, iterate_every_);
     if (auto set = solver_.set_options(deadline.limit(options_)); !set) return unexpected(set.error());
     return deadline.answer_of_session(
         solver_.solve(update, {controls.initial_z, controls.cold, controls.shift},
@@ -84,7 +84,7 @@ class InProcessSession final : public Session::State {
 
   WarmSolver solver_;
   Options options_;
-  bool tells_;
+  bool reports_;
   double interval_s_;
   std::int32_t iterate_every_;
   std::stop_token stop_;

@@ -73,7 +73,7 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
     auto taken = linearised();
     if (!taken) return unexpected(taken.error());
     row_.accepted = *taken;
-    tell();
+    report();
     adapt_radius();
     if (*found && stalls()) return end_of_zero_steps();
     if (row_.accepted) {
@@ -346,7 +346,7 @@ Expected<void> Loop::move() {
   return {};
 }
 
-void Loop::tell() {
+void Loop::report() {
   if (!settings_.iteration) return;
   row_.objective = point_.objective, row_.violation = violation();
   row_.step = step_.size, row_.radius = radius_, row_.predicted = predicted_, row_.actual = actual_;
@@ -361,13 +361,13 @@ Answer Loop::end_of_small_radius() {
       end(Status::numerical_failure, trial_.fault ? "every step ends where " + trial_.fault->message()
                                                   : "no step is good, however short");
   if (answer.violation <= settings_.feasibility_tolerance && is_stationary(kReducedKkt))
-    answer.status = Status::solved_reduced;
+    answer.status = Status::almost_solved;
   return answer;
 }
 
 Answer Loop::end_of_zero_steps() {
   return is_stationary(kReducedKkt)
-             ? end(Status::solved_reduced, "the steps are zero, but x is only almost stationary")
+             ? end(Status::almost_solved, "the steps are zero, but x is only almost stationary")
              : end(Status::numerical_failure, "the steps are zero, but x is not stationary");
 }
 

@@ -85,7 +85,7 @@ class Loop {
   Expected<bool> linearised();
   Expected<void> move();
   void adapt_radius();
-  void tell();
+  void report();
   Answer end(Status status, const std::string& why);
   Answer end_of_small_radius();
   Answer end_of_zero_steps();

@@ -9,9 +9,9 @@
 namespace marble::client {
 namespace {
 
-class ToldIterations final : public ProgressSink {
+class ReportedIterations final : public ProgressSink {
  public:
-  explicit ToldIterations(const CoupledControls& controls) : controls_(controls) {}
+  explicit ReportedIterations(const CoupledControls& controls) : controls_(controls) {}
   void report(const Progress& row) override {
     if (controls_.progress) controls_.progress(coupled_iteration_of(row));
   }
@@ -31,9 +31,9 @@ auto solve_there(const Connection& connection, const v1::SolveStreamRequest& req
     return unexpected(ready.error());
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   const auto reader = connection.solver().SolveCoupled(&context, request);
-  ToldIterations told(controls);
+  ReportedIterations reported(controls);
   v1::SolveResponse result;
-  const auto last = read_events(*reader, &told, controls.activity, call, controls.stop,
+  const auto last = read_events(*reader, &reported, controls.activity, call, controls.stop,
                                 [&](const v1::SolveStreamResponse& event) {
                                   if (event.has_result()) result = event.result();
                                 });

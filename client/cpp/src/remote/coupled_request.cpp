@@ -65,7 +65,7 @@ Expected<v1::SolveStreamRequest> make_request(const Problem& problem,
   v1::Pieces* pieces = request->mutable_solve()->mutable_coupled()->mutable_pieces();
   pieces->mutable_stages()->Assign(stage_of_variable.begin(), stage_of_variable.end());
   pieces->set_pieces(options.pieces);
-  pieces->set_look_ahead(options.look_ahead);
+  pieces->set_overlap(options.overlap);
   if (auto fits = check_size(*request); !fits) return unexpected(fits.error());
   return request;
 }

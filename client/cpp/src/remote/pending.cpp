@@ -25,7 +25,7 @@ class RemotePending final : public PendingSolution::State,
         request_(std::move(request)),
         call_(std::move(call)),
         stop_(controls.stop),
-        tells_(wants_events(controls.progress, controls.activity, call_)),
+        reports_(wants_events(controls.progress, controls.activity, call_)),
         events_(controls.progress, controls.activity, call_) {}
 
   // Makes a unary call if no events are requested: gRPC can retry it elsewhere until it has a response.
@@ -34,7 +34,7 @@ class RemotePending final : public PendingSolution::State,
             connection_->prepare(context_, call_.traceparent, connection_->deadline_of(call_.deadline));
         !ready)
       return ready;
-    if (tells_) {
+    if (reports_) {
       connection_->solver().async()->SolveStream(&context_, &request_, this);
       StartRead(&event_);
     } else {
@@ -42,7 +42,7 @@ class RemotePending final : public PendingSolution::State,
                                            [this](const grpc::Status& ended) { OnDone(ended); });
     }
     cancel_on_stop_.emplace(stop_, [this] { context_.TryCancel(); });
-    if (tells_) StartCall();
+    if (reports_) StartCall();
     return {};
   }
 
@@ -51,7 +51,7 @@ class RemotePending final : public PendingSolution::State,
   Expected<RemoteSolution> answer() override {
     if (out_of_memory_) return unexpected(out_of_memory());
     if (!status_.ok()) return unexpected(to_error(status_, stop_));
-    auto answer = tells_ ? events_.answer() : remote_solution(response_);
+    auto answer = reports_ ? events_.answer() : remote_solution(response_);
     if (answer) answer->traceparent = returned_traceparent(context_);
     return answer;
   }
@@ -77,7 +77,7 @@ class RemotePending final : public PendingSolution::State,
   const v1::SolveStreamRequest request_;
   const CallControls call_;
   const std::stop_token stop_;
-  const bool tells_;
+  const bool reports_;
   grpc::ClientContext context_;
   v1::SolveResponse response_;     // of a unary call
   v1::SolveStreamResponse event_;  // of a stream

@@ -17,11 +17,11 @@ Expected<v1::SolveStreamRequest> make_request(const ScenarioProblem& problem, co
   v1::Scenarios* scenarios = request.mutable_solve()->mutable_scenarios();
   to_message(settings, scenarios);
   constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
-  const std::int64_t fresh = std::max<std::int64_t>(settings.fresh_scenarios, 0);
+  const std::int64_t out_of_sample = std::max<std::int64_t>(settings.out_of_sample_scenarios, 0);
   const std::int64_t count =
-      settings.most_scenarios > kMost - fresh ? kMost : settings.most_scenarios + fresh;
-  if (auto told = to_message(problem, sampler != nullptr ? 0 : count, scenarios); !told)
-    return unexpected(told.error());
+      settings.max_sample_size > kMost - out_of_sample ? kMost : settings.max_sample_size + out_of_sample;
+  if (auto reported = to_message(problem, sampler != nullptr ? 0 : count, scenarios); !reported)
+    return unexpected(reported.error());
   if (sampler != nullptr) to_message(*sampler, scenarios->mutable_sampler());
   request.set_progress_interval_s(call.progress_interval_s);
   if (auto fits = check_size(request); !fits) return unexpected(fits.error());

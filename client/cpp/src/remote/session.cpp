@@ -52,7 +52,7 @@ struct SessionStream {
   [[nodiscard]] Error reason() const { return status.ok() ? session_ended() : to_error(status, stop); }
   [[nodiscard]] bool is_first_part(std::int64_t number);
   void read_to_the_end() ABSL_EXCLUSIVE_LOCKS_REQUIRED(reading);
-  void tell(const v1::SessionProgress& progress);
+  void report(const v1::SessionProgress& progress);
 
   const std::shared_ptr<const Connection> connection;  // the stream's, as long as it exists
   const std::string parent;                            // the caller's span
@@ -171,7 +171,7 @@ Expected<RemoteSolution> SessionStream::outcome_of(SessionEvent event, const Pro
 std::optional<SessionEvent> SessionStream::read() {
   v1::SessionResponse response;
   while (!over && stream->Read(&response)) {
-    if (response.has_progress()) tell(response.progress());
+    if (response.has_progress()) report(response.progress());
     if (auto event = event_of(response)) {
       if (!is_first_part(event->sequence)) return event;
       if (!std::holds_alternative<Error>(event->outcome)) continue;  // from an older server, which solved it
@@ -215,7 +215,7 @@ std::optional<SessionEvent> SessionStream::event_of(const v1::SessionResponse& r
   return event;
 }
 
-void SessionStream::tell(const v1::SessionProgress& progress) {
+void SessionStream::report(const v1::SessionProgress& progress) {
   ProgressSink* sink = nullptr;
   {
     const MutexLock lock(sinks_access);

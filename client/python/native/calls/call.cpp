@@ -21,25 +21,25 @@ py::tuple tuple_of(const Violations& v) {
 
 }  // namespace
 
-Teller::Teller(py::object tell, double interval_s, std::int32_t iterate_every, std::stop_source source)
-    : tell_(std::move(tell)),
+Reporter::Reporter(py::object report, double interval_s, std::int32_t iterate_every, std::stop_source source)
+    : report_(std::move(report)),
       interval_s_(interval_s),
       iterate_every_(iterate_every),
       source_(std::move(source)) {}
 
-void Teller::report(const Progress& row) {
+void Reporter::report(const Progress& row) {
   if (last_s_ >= 0.0 && row.elapsed_s - last_s_ < interval_s_) return;
   last_s_ = row.elapsed_s;
   call([&] {
     const bool whole = iterate_every_ > 0 && row.iteration % iterate_every_ == 0;
     const Numbers z{whole ? std::vector<double>(row.z.begin(), row.z.end()) : std::vector<double>()};
-    tell_(row.iteration, row.outer_iteration, row.objective, tuple_of(row.violations), row.kkt_residual,
-          row.kappa, row.rho, row.step_length, row.regularization, row.factorizations, row.elapsed_s, z,
-          row.incumbent, row.bound, row.gap, row.nodes, row.open_nodes);
+    report_(row.iteration, row.outer_iteration, row.objective, tuple_of(row.violations), row.kkt_residual,
+            row.kappa, row.rho, row.step_length, row.regularization, row.factorizations, row.elapsed_s, z,
+            row.incumbent, row.bound, row.gap, row.nodes, row.open_nodes);
   });
 }
 
-void Teller::call(const std::function<void()>& function) {
+void Reporter::call(const std::function<void()>& function) {
   const py::gil_scoped_acquire gil;
   if (raised_) return;
   try {
@@ -50,7 +50,7 @@ void Teller::call(const std::function<void()>& function) {
   }
 }
 
-void Teller::raise_if_raised() {
+void Reporter::raise_if_raised() {
   if (raised_) throw std::move(*raised_);
 }
 
@@ -76,8 +76,8 @@ py::dict run(const Options& options, const Call& call, const Solve& solve, Late 
   Options limited = options;
   limited.time_limit_s = std::min(options.time_limit_s, deadline_s);
   std::stop_source source = call.stop ? call.stop->source : std::stop_source();
-  Teller teller(call.tell, call.interval_s, call.iterate_every, source);
-  const SolveControls controls{.progress = teller.sink(),
+  Reporter reporter(call.report, call.interval_s, call.iterate_every, source);
+  const SolveControls controls{.progress = reporter.sink(),
                                .stop = source.get_token(),
                                .warm_start = call.warm_start ? &*call.warm_start : nullptr,
                                .sensitivity = call.derivatives ? &call.derivatives->request : nullptr,
@@ -87,9 +87,9 @@ py::dict run(const Options& options, const Call& call, const Solve& solve, Late 
     std::optional<CtrlC> ctrl_c;
     if (call.main_thread && raises_keyboard_interrupt()) ctrl_c.emplace(source);
     const py::gil_scoped_release no_gil;
-    outcome = or_out_of_memory([&] { return solve(limited, controls, teller); });
+    outcome = or_out_of_memory([&] { return solve(limited, controls, reporter); });
   }
-  teller.raise_if_raised();
+  reporter.raise_if_raised();
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
   Solution s = value_or_raise(std::move(*outcome));
   if (late == Late::is_error && s.status != Status::cancelled && elapsed_s() >= deadline_s)
@@ -103,11 +103,11 @@ void bind_calls(py::module_& m) {
       .def("request", [](Stop& stop) { stop.source.request_stop(); })
       .def("activity", [](const Stop& stop) { return describe(stop.activity.read()); });
   py::class_<Call>(m, "Call").def(
-      py::init([](std::optional<double> deadline_s, py::object tell, double interval_s,
+      py::init([](std::optional<double> deadline_s, py::object report, double interval_s,
                   std::int32_t iterate_every, std::shared_ptr<Stop> stop, bool main_thread,
                   const py::object& warm_start, const py::object& derivatives) {
         return Call{deadline_s,
-                    std::move(tell),
+                    std::move(report),
                     interval_s,
                     iterate_every,
                     std::move(stop),

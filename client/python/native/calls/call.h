@@ -24,20 +24,20 @@ struct Stop {
 
 /// Calls Python functions from a solve that runs without the GIL, from any of its threads. An exception in
 /// one of them ends the solve.
-class Teller final : public ProgressSink {
+class Reporter final : public ProgressSink {
  public:
-  /// tell: None, or a function for the rows, thinned out as a server does.
-  Teller(py::object tell, double interval_s, std::int32_t iterate_every, std::stop_source source);
+  /// report: None, or a function for the rows, thinned out as a server does.
+  Reporter(py::object report, double interval_s, std::int32_t iterate_every, std::stop_source source);
 
   void report(const Progress& row) override;
   /// Runs it with the GIL, unless an exception was raised before.
   void call(const std::function<void()>& function);
   /// Returns null if no rows are requested.
-  [[nodiscard]] ProgressSink* sink() { return tell_.is_none() ? nullptr : this; }
+  [[nodiscard]] ProgressSink* sink() { return report_.is_none() ? nullptr : this; }
   void raise_if_raised();
 
  private:
-  py::object tell_;
+  py::object report_;
   double interval_s_;
   std::int32_t iterate_every_;
   std::stop_source source_;
@@ -48,7 +48,7 @@ class Teller final : public ProgressSink {
 /// Controls of one solve, from Python.
 struct Call {
   std::optional<double> deadline_s;
-  py::object tell;
+  py::object report;
   double interval_s;
   std::int32_t iterate_every;
   std::shared_ptr<Stop> stop;  // null if only Ctrl-C may stop it
@@ -64,8 +64,8 @@ struct Call {
 /// range.
 [[nodiscard]] Options options_of(const py::dict& given);
 
-using Solve =
-    std::function<Expected<Solution>(const Options& options, const SolveControls& controls, Teller& teller)>;
+using Solve = std::function<Expected<Solution>(const Options& options, const SolveControls& controls,
+                                               Reporter& reporter)>;
 /// The result of a solve whose deadline passes: an error for a single solve, the best point for a session's.
 enum class Late { is_error, is_answer };
 /// Runs the solve without the GIL; returns the solution as Python expects it, with the original time limit if

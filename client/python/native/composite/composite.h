@@ -5,14 +5,14 @@
 
 namespace marble::python {
 
-/// Binds marble._core.solve_scenarios(problem, options, wish, tell_level, call): returns the result of run(),
-/// and "scenarios", the further fields of ScenarioAnswer. wish: first_stage, own_equalities,
+/// Binds marble._core.solve_scenarios(problem, options, request, report_level, call): returns the result of
+/// run(), and "scenarios", the further fields of ScenarioAnswer. request: first_stage, own_equalities,
 /// own_inequalities, own_pairs, settings by their names, and the scenarios as `table` (entries, values,
 /// weights) or `sampler` (seed, quantities), where entries are (number of the part, positions).
 void bind_scenarios(pybind11::module_& module);
 
 /// Binds marble._core.solve_coupled(blocks, total, prices, options, settings, open, call), with blocks as
-/// (problem, E or None), and solve_in_pieces(problem, stages, pieces, look_ahead, options, settings, open,
+/// (problem, E or None), and solve_in_pieces(problem, stages, pieces, overlap, options, settings, open,
 /// call). They return the result of run(), and "coupled", the fields of Coordination; for blocks also
 /// "prices". open: None, for blocks in this process; or a function that opens a block's solver, given its
 /// problem in the form of dict_of and its name: a function of changes, in the form of dict_of, and of the

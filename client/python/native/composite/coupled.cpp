@@ -20,7 +20,7 @@ namespace {
 
 // Uses the field names of a request's message.
 Error named(Error error) {
-  const bool of_pieces = error.field == "stages" || error.field == "pieces" || error.field == "look_ahead";
+  const bool of_pieces = error.field == "stages" || error.field == "pieces" || error.field == "overlap";
   return inside(of_pieces ? "coupled.pieces" : "coupled", std::move(error));
 }
 
@@ -38,29 +38,29 @@ void take(const py::dict& given, CoupledOptions& settings) {
   set("joint_search", settings.joint_search);
 }
 
-py::dict told_of(const Coordination& c, double blocks_objective) {
-  py::dict told;
-  told["status"] = to_string(c.status);
-  told["detail"] = c.detail;
-  told["iterations"] = c.last.iteration;
-  told["violation"] = c.last.coupling_violation;
-  told["step"] = c.last.step;
-  told["proximal"] = c.last.proximal;
-  told["frozen_at"] = c.frozen_at;
-  told["flips"] = c.flips;
-  told["factorizations"] = c.last.factorizations;
-  told["objective"] = blocks_objective;
-  told["failed"] = c.failed_block ? py::object(py::int_(*c.failed_block)) : py::object(py::none());
-  told["sweep_objective"] = py::none();
-  told["sweep_factorizations"] = 0;
-  return told;
+py::dict reported_of(const Coordination& c, double blocks_objective) {
+  py::dict reported;
+  reported["status"] = to_string(c.status);
+  reported["detail"] = c.detail;
+  reported["iterations"] = c.last.iteration;
+  reported["violation"] = c.last.coupling_violation;
+  reported["step"] = c.last.step;
+  reported["proximal"] = c.last.proximal;
+  reported["frozen_at"] = c.frozen_at;
+  reported["flips"] = c.flips;
+  reported["factorizations"] = c.last.factorizations;
+  reported["objective"] = blocks_objective;
+  reported["failed"] = c.failed_block ? py::object(py::int_(*c.failed_block)) : py::object(py::none());
+  reported["sweep_objective"] = py::none();
+  reported["sweep_factorizations"] = 0;
+  return reported;
 }
 
 // A block that Python solves.
 class CalledBlock final : public BlockSolver {
  public:
-  CalledBlock(py::object solve, const Options& options, Teller& teller)
-      : solve_(std::move(solve)), options_(options), teller_(teller) {}
+  CalledBlock(py::object solve, const Options& options, Reporter& reporter)
+      : solve_(std::move(solve)), options_(options), reporter_(reporter) {}
   CalledBlock(const CalledBlock&) = delete;
   CalledBlock& operator=(const CalledBlock&) = delete;
   ~CalledBlock() override {
@@ -70,7 +70,7 @@ class CalledBlock final : public BlockSolver {
 
   Expected<Solution> solve(const ProblemUpdate& update, const Solution* start) override {
     Expected<Solution> answer = unexpected(raised());
-    teller_.call([&] {
+    reporter_.call([&] {
       const py::object from = start == nullptr ? py::none() : py::object(dict_of(*start, options_, 0.0));
       answer = solution_of(solve_(dict_of(update), from));
     });
@@ -85,18 +85,18 @@ class CalledBlock final : public BlockSolver {
  private:
   py::object solve_;
   const Options& options_;
-  Teller& teller_;
+  Reporter& reporter_;
 };
 
-void solve_by(const py::object& open, const Options& options, Teller& teller, TaskRunner& threads,
+void solve_by(const py::object& open, const Options& options, Reporter& reporter, TaskRunner& threads,
               CoupledControls& controls) {
   if (open.is_none()) return;
   controls.runner = &threads;
   controls.open = [&](const LiftedBlock& block) -> Expected<std::unique_ptr<BlockSolver>> {
     Expected<std::unique_ptr<BlockSolver>> opened = unexpected(CalledBlock::raised());
-    teller.call([&] {
-      opened =
-          std::make_unique<CalledBlock>(open(dict_of(block.problem().view()), block.name()), options, teller);
+    reporter.call([&] {
+      opened = std::make_unique<CalledBlock>(open(dict_of(block.problem().view()), block.name()), options,
+                                             reporter);
     });
     return opened;
   };
@@ -115,9 +115,9 @@ CoupledControls controls_of(const SolveControls& given) {
 }
 
 py::dict solve(const py::list& blocks, const py::object& total, const py::object& prices,
-               const py::dict& given, const py::dict& wishes, const py::object& open, const Call& call) {
+               const py::dict& given, const py::dict& request, const py::object& open, const Call& call) {
   CoupledOptions settings{.options = options_of(given)};
-  take(wishes, settings);
+  take(request, settings);
   Borrowed arrays;
   CoupledView view{{}, arrays.doubles(total)};
   for (const py::handle block : blocks) {
@@ -134,13 +134,13 @@ py::dict solve(const py::list& blocks, const py::object& total, const py::object
   }
   CoupledSolution answer;
   const Options options = settings.options;
-  py::dict told =
+  py::dict reported =
       run(options, call,
-          [&](const Options& limited, const SolveControls& sent, Teller& teller) -> Expected<Solution> {
+          [&](const Options& limited, const SolveControls& sent, Reporter& reporter) -> Expected<Solution> {
             settings.options = limited;
             CoupledControls controls = controls_of(sent);
             WaitingThreads threads;
-            solve_by(open, settings.options, teller, threads, controls);
+            solve_by(open, settings.options, reporter, threads, controls);
             if (!start.prices.empty()) controls.start = &start;
             auto solved = solve_coupled(view, settings, controls);
             if (!solved) return unexpected(named(solved.error()));
@@ -148,40 +148,40 @@ py::dict solve(const py::list& blocks, const py::object& total, const py::object
             answer = *std::move(solved);
             return joint;
           });
-  told["coupled"] = told_of(answer.coordination, answer.blocks_objective);
-  told["prices"] = Numbers{std::move(answer.coordination.prices)};
-  return told;
+  reported["coupled"] = reported_of(answer.coordination, answer.blocks_objective);
+  reported["prices"] = Numbers{std::move(answer.coordination.prices)};
+  return reported;
 }
 
-py::dict solve_pieces(const py::object& lcqp, const py::object& stages, Index pieces, Index look_ahead,
-                      const py::dict& given, const py::dict& wishes, const py::object& open,
+py::dict solve_pieces(const py::object& lcqp, const py::object& stages, Index pieces, Index overlap,
+                      const py::dict& given, const py::dict& request, const py::object& open,
                       const Call& call) {
-  PiecesOptions settings{.pieces = pieces, .look_ahead = look_ahead};
+  PiecesOptions settings{.pieces = pieces, .overlap = overlap};
   settings.coupled.options = options_of(given);
-  take(wishes, settings.coupled);
+  take(request, settings.coupled);
   Borrowed arrays;
   const Problem problem = value_or_raise(Problem::create(arrays.problem(lcqp)));
   const std::span<const Index> stage_of_variable = arrays.indices(stages);
   PiecesSolution answer;
   const Options options = settings.coupled.options;
-  py::dict told =
+  py::dict reported =
       run(options, call,
-          [&](const Options& limited, const SolveControls& sent, Teller& teller) -> Expected<Solution> {
+          [&](const Options& limited, const SolveControls& sent, Reporter& reporter) -> Expected<Solution> {
             settings.coupled.options = limited;
             CoupledControls controls = controls_of(sent);
             WaitingThreads threads;
-            solve_by(open, settings.coupled.options, teller, threads, controls);
+            solve_by(open, settings.coupled.options, reporter, threads, controls);
             auto solved = solve_in_pieces(problem, stage_of_variable, settings, controls);
             if (!solved) return unexpected(named(solved.error()));
             Solution whole = std::exchange(solved->whole, {});
             answer = *std::move(solved);
             return whole;
           });
-  py::dict coordination = told_of(answer.coordination, answer.blocks_objective);
+  py::dict coordination = reported_of(answer.coordination, answer.blocks_objective);
   coordination["sweep_objective"] = answer.sweep_objective;
   coordination["sweep_factorizations"] = answer.sweep_factorizations;
-  told["coupled"] = coordination;
-  return told;
+  reported["coupled"] = coordination;
+  return reported;
 }
 
 }  // namespace

@@ -1,3 +1,5 @@
+#include "marble/composite/scenarios.h"
+
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -8,7 +10,6 @@
 #include "arrays.h"
 #include "calls/call.h"
 #include "composite/composite.h"
-#include "marble/composite/worlds.h"
 
 namespace marble::python {
 namespace {
@@ -61,13 +62,13 @@ ScenarioSampler sampler_of(Borrowed& arrays, const py::tuple& given) {
 
 ScenarioSettings settings_of(const py::dict& given) {
   ScenarioSettings settings;
-  settings.first_scenarios = given["first_scenarios"].cast<std::int64_t>();
+  settings.initial_sample_size = given["initial_sample_size"].cast<std::int64_t>();
   settings.growth = given["growth"].cast<double>();
-  settings.most_scenarios = given["most_scenarios"].cast<std::int64_t>();
+  settings.max_sample_size = given["max_sample_size"].cast<std::int64_t>();
   settings.tolerance = given["tolerance"].cast<double>();
-  settings.least_scenarios = given["least_scenarios"].cast<std::int64_t>();
+  settings.min_sample_size = given["min_sample_size"].cast<std::int64_t>();
   settings.without_recourse = given["without_recourse"].cast<double>();
-  settings.fresh_scenarios = given["fresh_scenarios"].cast<std::int64_t>();
+  settings.out_of_sample_scenarios = given["out_of_sample_scenarios"].cast<std::int64_t>();
   return settings;
 }
 
@@ -80,61 +81,61 @@ py::dict dict_of(const ScenarioLevel& l) {
   level["factorizations"] = l.factorizations, level["seconds"] = l.seconds;
   level["warm"] = l.warm, level["searched"] = l.searched;
   level["memory_bytes"] = l.memory_bytes;
-  level["fresh"] = py::none();
-  if (const auto& f = l.fresh) {
-    level["fresh"] = py::make_tuple(f->scenarios, f->without_recourse, f->mean, f->half_width,
-                                    f->factorizations, f->seconds);
+  level["out_of_sample"] = py::none();
+  if (const auto& f = l.out_of_sample) {
+    level["out_of_sample"] = py::make_tuple(f->scenarios, f->without_recourse, f->mean, f->half_width,
+                                            f->factorizations, f->seconds);
   }
   return level;
 }
 
 py::dict dict_of(const ScenarioAnswer& answer) {
-  py::dict told;
-  told["end"] = to_string(answer.end);
-  told["scenarios"] = answer.scenarios;
-  told["infeasible"] = answer.infeasible;
+  py::dict reported;
+  reported["end"] = to_string(answer.end);
+  reported["scenarios"] = answer.scenarios;
+  reported["infeasible"] = answer.infeasible;
   py::list levels;
   for (const ScenarioLevel& level : answer.levels) levels.append(dict_of(level));
-  told["levels"] = levels;
-  return told;
+  reported["levels"] = levels;
+  return reported;
 }
 
-py::dict solve(const py::object& lcqp, const py::dict& given, const py::dict& wish,
-               const py::object& tell_level, const Call& call) {
+py::dict solve(const py::object& lcqp, const py::dict& given, const py::dict& request,
+               const py::object& report_level, const Call& call) {
   const Options options = options_of(given);
   Borrowed arrays;
   ScenarioProblem problem;
   problem.base = arrays.problem(lcqp);
   const auto numbers = [&](const char* name) {
-    const auto view = arrays.indices(wish[name]);
+    const auto view = arrays.indices(request[name]);
     return std::vector<Index>(view.begin(), view.end());
   };
   problem.first_stage = numbers("first_stage");
   problem.own_equalities = numbers("own_equalities");
   problem.own_inequalities = numbers("own_inequalities");
   problem.own_pairs = numbers("own_pairs");
-  const auto set = wish.contains("table") ? set_worlds(problem, table_of(arrays, wish["table"]))
-                                          : set_worlds(problem, sampler_of(arrays, wish["sampler"]));
+  const auto set = request.contains("table") ? set_scenarios(problem, table_of(arrays, request["table"]))
+                                             : set_scenarios(problem, sampler_of(arrays, request["sampler"]));
   if (!set) raise(named(set.error()));
-  ScenarioSettings settings = settings_of(wish["settings"]);
+  ScenarioSettings settings = settings_of(request["settings"]);
   ScenarioAnswer answer;
-  py::dict told =
-      run(options, call,
-          [&](const Options& limited, const SolveControls& controls, Teller& teller) -> Expected<Solution> {
-            settings.options = limited;
-            if (!tell_level.is_none()) {
-              settings.level = [&](const ScenarioLevel& level) {
-                teller.call([&] { tell_level(dict_of(level)); });
-              };
-            }
-            auto solved = solve_scenarios(problem, settings, controls);
-            if (!solved) return unexpected(named(solved.error()));
-            Solution solution = std::exchange(solved->solution, {});
-            answer = *std::move(solved);
-            return solution;
-          });
-  told["scenarios"] = dict_of(answer);
-  return told;
+  py::dict reported = run(
+      options, call,
+      [&](const Options& limited, const SolveControls& controls, Reporter& reporter) -> Expected<Solution> {
+        settings.options = limited;
+        if (!report_level.is_none()) {
+          settings.level = [&](const ScenarioLevel& level) {
+            reporter.call([&] { report_level(dict_of(level)); });
+          };
+        }
+        auto solved = solve_scenarios(problem, settings, controls);
+        if (!solved) return unexpected(named(solved.error()));
+        Solution solution = std::exchange(solved->solution, {});
+        answer = *std::move(solved);
+        return solution;
+      });
+  reported["scenarios"] = dict_of(answer);
+  return reported;
 }
 
 }  // namespace

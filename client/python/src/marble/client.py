@@ -162,16 +162,16 @@ class Client(Connected):
                                                   Call(options, priority, request_id), progress, problem_name)
         return self._transport.coordinate(request, deadline) if sessions else self._transport.run(request, deadline)
 
-    def pieces(self, /, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, look_ahead: int = -1,
+    def pieces(self, /, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, overlap: int = -1,
                options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
                progress: ProgressOption = None, deadline: float | None = None, request_id: str = "",
                sessions: bool = False, **settings: Any) -> PiecesSolution:
-        """Solves one long problem in pieces, as coupled() does; stages, pieces, look_ahead: see Pieces.
+        """Solves one long problem in pieces, as coupled() does; stages, pieces, overlap: see Pieces.
 
         sessions: as in coupled; the pieces are first solved one after the other, and last as one, in this process.
         """
         settings, options = coupled_problems.split(settings, options)
-        request = coupled_problems.PiecesRequest(problem, Pieces(stages, pieces, look_ahead), settings,
+        request = coupled_problems.PiecesRequest(problem, Pieces(stages, pieces, overlap), settings,
                                                  Call(options, priority, request_id), progress)
         return self._transport.coordinate(request, deadline) if sessions else self._transport.run(request, deadline)
 
@@ -238,7 +238,7 @@ def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
     other data an LCQP or a Problem may be given.
     server: an address, several, or a Client; None is the server that MARBLE_SERVER names, and this process where it
     names none or is "local": the environment decides, not the program.
-    options, or any option by its name: solve(Q, g, max_iterations=50); global, a keyword of Python, is global_.
+    options, or any option by its name: solve(Q, g, max_iterations=50).
     priority, progress, deadline, request_id, warm_start, sensitivity: as in Client.solve.
 
     Returns a Solution, solved or not: see its status, or call raise_if_unsolved(). Raises InvalidProblem and the other

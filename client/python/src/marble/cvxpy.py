@@ -21,7 +21,7 @@ from marble.model.solution import Solution as Answer
 
 _STATUSES: Final = {
     Status.SOLVED: s.OPTIMAL,
-    Status.SOLVED_REDUCED: s.OPTIMAL_INACCURATE,
+    Status.ALMOST_SOLVED: s.OPTIMAL_INACCURATE,
     Status.INFEASIBLE: s.INFEASIBLE,
     Status.UNBOUNDED: s.UNBOUNDED,
     Status.ITERATION_LIMIT: s.USER_LIMIT,

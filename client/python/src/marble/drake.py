@@ -33,7 +33,7 @@ sp: Any = lazy("scipy.sparse")
 
 _RESULTS: Final = {
     Status.SOLVED: SolutionResult.kSolutionFound,
-    Status.SOLVED_REDUCED: SolutionResult.kSolutionFound,
+    Status.ALMOST_SOLVED: SolutionResult.kSolutionFound,
     Status.INFEASIBLE: SolutionResult.kInfeasibleConstraints,
     Status.LOCALLY_INFEASIBLE: SolutionResult.kInfeasibleConstraints,
     Status.UNBOUNDED: SolutionResult.kUnbounded,

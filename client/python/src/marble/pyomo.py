@@ -54,7 +54,7 @@ sp: Any = lazy("scipy.sparse")
 
 _ENDS: Final = {
     Status.SOLVED: (SolverStatus.ok, TerminationCondition.optimal),
-    Status.SOLVED_REDUCED: (SolverStatus.warning, TerminationCondition.feasible),
+    Status.ALMOST_SOLVED: (SolverStatus.warning, TerminationCondition.feasible),
     Status.INFEASIBLE: (SolverStatus.warning, TerminationCondition.infeasible),
     Status.LOCALLY_INFEASIBLE: (SolverStatus.warning, TerminationCondition.infeasible),
     Status.UNBOUNDED: (SolverStatus.warning, TerminationCondition.unbounded),

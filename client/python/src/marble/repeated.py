@@ -14,14 +14,14 @@ from marble.errors import Aborted
 from marble.model.lcqp import LCQP, vector
 from marble.model.solution import Solution
 
-_SEARCHED: Final = "small_budget"  # in the detail of a cold answer that was looked for everywhere
+_SEARCHED: Final = "max_small_problem_nodes"  # in the detail of a cold answer that was looked for everywhere
 
 
 class Repeated:
     """Solves over a session, which the first solve opens, and a later one where the pattern is another or it has ended.
 
     A small problem is searched everywhere each time, as by a first solve: the last answer's branch may no longer be the
-    best one. The option small_budget=0 leaves that out.
+    best one. The option max_small_problem_nodes=0 leaves that out.
 
     server: as in solve; a Client stays open. options: of the solver, by name.
     """

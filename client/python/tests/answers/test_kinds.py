@@ -41,19 +41,19 @@ def test_a_small_problem_is_printed_as_proved_with_the_nodes_of_its_tree():
 
 
 def test_a_local_answer_is_printed_with_what_to_try():
-    answer = contact(small_budget=0)
+    answer = contact(max_small_problem_nodes=0)
     assert answer.kind is marble.SolutionKind.LOCAL_MINIMUM and answer.nodes == 0
     text = repr(answer)
     assert "answer        local minimum; no bound is known" in text
-    assert "what to try   starts=8 searches 8 times" in text and "global=true searches" in text
-    assert "starts=16 searches twice as often" in contact(small_budget=0, starts=8).what_to_try
+    assert "what to try   num_starts=8 searches 8 times" in text and "global_search=true searches" in text
+    assert "num_starts=16 searches twice as often" in contact(max_small_problem_nodes=0, num_starts=8).what_to_try
 
 
 def test_segments_do_not_spend_the_budget_of_a_search_together():
-    answer = dataclasses.replace(contact(small_budget=0), factorizations=2000)
+    answer = dataclasses.replace(contact(max_small_problem_nodes=0), factorizations=2000)
     assert answer.facts.budget_spent
     assert not dataclasses.replace(answer, detail="segments; " + answer.detail).facts.budget_spent
 
 
 def test_with_global_the_proof_has_its_line():
-    assert "  proof         proved optimal: bound" in repr(contact(global_=True))
+    assert "  proof         proved optimal: bound" in repr(contact(global_search=True))

@@ -104,8 +104,8 @@ def test_submitted_they_answer_later_with_the_bits_of_the_call(client):
         client.jobs.coupled(there.job_id, blocks[1:])
     assert caught.value.field == "blocks"
     problem, stages = chain(9)
-    cut = client.jobs.submit_pieces(problem, stages, 2, look_ahead=2)
-    whole = client.pieces(problem, stages, 2, look_ahead=2).solution
+    cut = client.jobs.submit_pieces(problem, stages, 2, overlap=2)
+    whole = client.pieces(problem, stages, 2, overlap=2).solution
     np.testing.assert_array_equal(client.jobs.pieces(cut.job_id, wait=True).solution.z, whole.z)
     np.testing.assert_array_equal(client.jobs.pieces(cut.job_id, problem=problem).solution.s, whole.s)
     plain = client.jobs.submit(arm(1.0))
@@ -142,10 +142,10 @@ def test_without_a_server_they_have_the_same_bits(client):
     np.testing.assert_array_equal(here.prices, there.prices)
     assert len(rows) == here.coordination.iterations and rows[-1].rho == here.coordination.proximal
     problem, stages = chain(30)
-    cut = local.pieces(problem, stages, 3, look_ahead=4)
-    assert cut.coordination == client.pieces(problem, stages, 3, look_ahead=4).coordination
-    np.testing.assert_array_equal(cut.solution.z, client.pieces(problem, stages, 3, look_ahead=4).solution.z)
-    np.testing.assert_array_equal(cut.solution.s, client.pieces(problem, stages, 3, look_ahead=4).solution.s)
+    cut = local.pieces(problem, stages, 3, overlap=4)
+    assert cut.coordination == client.pieces(problem, stages, 3, overlap=4).coordination
+    np.testing.assert_array_equal(cut.solution.z, client.pieces(problem, stages, 3, overlap=4).solution.z)
+    np.testing.assert_array_equal(cut.solution.s, client.pieces(problem, stages, 3, overlap=4).solution.s)
 
 
 def test_blocks_in_sessions_of_several_servers_agree_as_on_one(start_server):
@@ -205,7 +205,7 @@ def test_faults_are_named_without_a_server_as_with_one(client):
         lambda client: client.coupled([arm(1.0)], [FORCE], [0.0], freeze_after=0),
         lambda client: client.pieces(arm(1.0), [0, 0], 2),
         lambda client: client.pieces(arm(1.0), [0, 1], 2, joint=False),
-        lambda client: client.pieces(arm(1.0), [0, 1], 2, look_ahead=-2),
+        lambda client: client.pieces(arm(1.0), [0, 1], 2, overlap=-2),
         lambda client: client.pieces(arm(1.0).replaced(z0=np.zeros(2)), [0, 1], 2),
         lambda client: client.coupled([arm(1.0)], [FORCE], [0.0], options={"max_iterations": -1}),
     ):

@@ -31,14 +31,14 @@ def best(demands) -> float:
 
 def test_arrays_of_scenarios_give_the_plan_that_is_best_in_the_mean(client):
     levels = []
-    answer = client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, most_scenarios=8, level=levels.append)
+    answer = client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, max_sample_size=8, level=levels.append)
     assert answer.end is marble.ScenarioEnd.SAMPLES and answer.status is marble.Status.SOLVED
     assert [level.scenarios for level in levels] == [1, 2, 4, 8] and levels == list(answer.levels)
     assert answer.scenarios == 8 and answer.x.shape == (1,) and answer.recourse.shape == (8, 1)
     assert np.isclose(answer.objective, best(EVEN), atol=1e-6)
     assert np.all(answer.recourse[:, 0] <= np.minimum(answer.x[0], np.ravel(EVEN)) + 1e-9)
     assert answer.solution.z.size == 9 and answer.violations.complementarity <= 1e-6
-    assert levels[1].fresh is not None and levels[1].fresh.scenarios == 6 and levels[3].fresh is None
+    assert levels[1].out_of_sample is not None and levels[1].out_of_sample.scenarios == 6 and levels[3].out_of_sample is None
     assert answer.job_id and client.jobs.get(answer.job_id).job.levels == answer.levels
 
 
@@ -46,25 +46,25 @@ def test_a_callable_is_asked_for_nested_scenarios_by_their_numbers(client):
     def demand(random: np.random.Generator) -> dict[str, list[float]]:
         return {"l": [random.uniform(0, 10)]}
 
-    few = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=3, most_scenarios=4)
-    more = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=3, most_scenarios=16)
+    few = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=3, max_sample_size=4)
+    more = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=3, max_sample_size=16)
     assert few.objective == more.levels[2].objective and few.levels[2].scenarios == 4
-    again = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=3, most_scenarios=16)
+    again = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=3, max_sample_size=16)
     np.testing.assert_array_equal(again.solution.z, more.solution.z)
-    other = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=4, most_scenarios=4)
+    other = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=4, max_sample_size=4)
     assert other.objective != few.objective
 
 
 def test_the_server_draws_quantities_and_ends_when_the_interval_is_small(client):
     demand = marble.Quantity({"l": [1.0]}, "uniform", location=-5, scale=10)
-    answer = client.scenarios(shop(), first_stage=[0], sampler=[demand], seed=7, first_scenarios=16,
-                              most_scenarios=1024, tolerance=0.1)
+    answer = client.scenarios(shop(), first_stage=[0], sampler=[demand], seed=7, initial_sample_size=16,
+                              max_sample_size=1024, tolerance=0.1)
     assert answer.end is marble.ScenarioEnd.INTERVAL
-    fresh = answer.levels[-1].fresh
-    assert fresh is not None and fresh.half_width <= 0.1 * abs(fresh.mean)
-    assert abs(answer.x[0] - 5) < 2 and abs(fresh.mean + 5) < 1.5
+    out_of_sample = answer.levels[-1].out_of_sample
+    assert out_of_sample is not None and out_of_sample.half_width <= 0.1 * abs(out_of_sample.mean)
+    assert abs(answer.x[0] - 5) < 2 and abs(out_of_sample.mean + 5) < 1.5
     normal = marble.Quantity({"l": [1.0]}, "normal", least=-5, most=5)
-    narrow = client.scenarios(shop(), first_stage=[0], sampler=[normal], most_scenarios=32)
+    narrow = client.scenarios(shop(), first_stage=[0], sampler=[normal], max_sample_size=32)
     assert narrow.objective < answer.objective, "who knows demand better earns more"
 
 
@@ -74,14 +74,14 @@ def test_scenarios_may_be_whole_problems_in_a_planner_s_own_terms(client):
         problem.minimize([[0.1, 0], [0, 0]], [1.0, -3.0])
         return problem.add_pairs([0, -1], [1, -1], l=[demand])
 
-    answer = client.scenarios(whole(5.0), first_stage=["buy"], most_scenarios=4, fresh_scenarios=0,
+    answer = client.scenarios(whole(5.0), first_stage=["buy"], max_sample_size=4, out_of_sample_scenarios=0,
                               sampler=lambda random: whole(random.uniform(0, 10)))
     assert answer.status is marble.Status.SOLVED and answer.scenarios == 4
 
 
 def test_rows_of_the_plan_alone_that_differ_are_every_scenario_s_own(client):
     bounded = marble.LCQP([[0.1, 0], [0, 0]], [1.0, -3.0], L=[0, -1], l=[5.0], R=[1, -1], C=[-1, 0], d=[9.0])
-    answer = client.scenarios(bounded, first_stage=[0], sampler={"d": [[3.0], [2.0]]}, most_scenarios=2)
+    answer = client.scenarios(bounded, first_stage=[0], sampler={"d": [[3.0], [2.0]]}, max_sample_size=2)
     assert answer.x[0] <= 2 + 1e-9
 
 
@@ -95,7 +95,7 @@ def test_a_scenario_without_a_plan_is_named(client):
 
 
 def test_scenarios_may_be_submitted_and_asked_for_later(client):
-    asked = marble.Scenarios(first_stage=[0], sampler={"l": EVEN}, most_scenarios=8)
+    asked = marble.Scenarios(first_stage=[0], sampler={"l": EVEN}, max_sample_size=8)
     there = client.jobs.submit(shop(), scenarios=asked)
     answer = client.jobs.scenarios(there.job_id, wait=True)
     assert answer.scenarios == 8 and np.isclose(answer.objective, best(EVEN), atol=1e-6)
@@ -130,7 +130,7 @@ def test_the_client_for_asyncio_has_the_same(server):
     ("seed", {"sampler": [marble.Quantity({"l": [1.0]})], "seed": -1}),
     ("levels", {"levels": 7}),
     ("scenarios.growth", {"growth": 1.0}),
-    ("scenarios.most_scenarios", {"most_scenarios": 0}),
+    ("scenarios.max_sample_size", {"max_sample_size": 0}),
     ("scenarios.sampler.quantities[0].scale", {"sampler": [marble.Quantity({"l": [1.0]}, scale=-1.0)]}),
 ])
 def test_requests_that_break_a_rule_are_named(client, field, asked):
@@ -144,14 +144,14 @@ def test_more_scenarios_than_the_server_allows_are_refused(start_server):
     with marble.Client(start_server("--scenarios", "20").address) as client:
         with pytest.raises(marble.Refused, match="at most 20"):
             client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN})
-        assert client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, most_scenarios=4).scenarios == 4
+        assert client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, max_sample_size=4).scenarios == 4
 
 
 @pytest.mark.parametrize("asked", [
     {"sampler": {"l": EVEN}, "weights": np.arange(1.0, 9.0)},
-    {"sampler": lambda random: {"l": [random.uniform(0, 10)]}, "seed": 3, "most_scenarios": 8},
+    {"sampler": lambda random: {"l": [random.uniform(0, 10)]}, "seed": 3, "max_sample_size": 8},
     {"sampler": [marble.Quantity({"l": [1.0], "g": [0.0, 0.1]}, "lognormal", location=1.0, most=9.0)], "seed": 2**63,
-     "most_scenarios": 8},
+     "max_sample_size": 8},
     {"sampler": {"d": [[3.0], [2.0]]}},
 ])
 def test_without_a_server_they_have_the_same_bits(client, asked):
@@ -165,7 +165,7 @@ def test_without_a_server_they_have_the_same_bits(client, asked):
     np.testing.assert_array_equal(here.solution.nu, there.solution.nu)
     assert (here.end, here.status, here.objective) == (there.end, there.status, there.objective)
     assert levels == list(here.levels) and rows
-    assert [one.fresh and one.fresh.mean for one in levels] == [one.fresh and one.fresh.mean for one in there.levels]
+    assert [one.out_of_sample and one.out_of_sample.mean for one in levels] == [one.out_of_sample and one.out_of_sample.mean for one in there.levels]
 
 
 def test_without_a_server_a_scenario_without_a_plan_is_named_and_what_is_wrong_too():

@@ -20,7 +20,7 @@ def layer_numbers(problem: marble.LCQP, names: str) -> list[np.ndarray]:
 def test_a_layers_gradients_are_the_differences_of_its_losses():
     names = "gbdlrQACLR"
     start = marble.solve(PROBLEM, server="local")
-    layer = Layer(PROBLEM, names, outputs=("z", "y", "xi"), start=start, options={"local_search_budget": 0})
+    layer = Layer(PROBLEM, names, outputs=("z", "y", "xi"), start=start, options={"max_local_search_factorizations": 0})
     numbers = [np.array(values) for values in layer_numbers(PROBLEM, names)]
     random = np.random.default_rng(5)
     weights = [random.normal(size=size) for size in (PROBLEM.n, PROBLEM.b.size, PROBLEM.l.size)]
@@ -53,7 +53,7 @@ def test_a_layer_takes_one_problem_a_row_and_adds_up_what_rows_share(client):
 def test_a_layer_warns_of_an_answer_that_is_almost_solved(monkeypatch):
     real = marble.layers.solve
     monkeypatch.setattr(marble.layers, "solve", lambda *given, **words: dataclasses.replace(
-        real(*given, **words), status=marble.Status.SOLVED_REDUCED))
+        real(*given, **words), status=marble.Status.ALMOST_SOLVED))
     with pytest.warns(marble.AlmostSolved, match="almost solved: violation "):
         Layer(tiny(), ("g",))([-2.0, -2.0])
 

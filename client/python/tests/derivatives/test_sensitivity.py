@@ -89,7 +89,7 @@ def test_rows_follow_a_price_as_the_response_says():
     answer = marble.solve(PROBLEM, server="local", sensitivity=request)
     rows, price = answer.sensitivity.rows, np.array([1e-4, -2e-4])
     priced = PROBLEM.replaced(g=PROBLEM.g + request.rows.T @ price)
-    moved = marble.solve(priced, server="local", warm_start=answer, local_search_budget=0)
+    moved = marble.solve(priced, server="local", warm_start=answer, max_local_search_factorizations=0)
     np.testing.assert_allclose(request.rows @ moved.z, rows.free - rows.response @ price, rtol=1e-9, atol=1e-10)
     np.testing.assert_allclose(moved.z, rows.z - rows.columns @ price, rtol=1e-8, atol=1e-9)
 

@@ -95,8 +95,8 @@ def test_a_sparse_matrix_may_have_room_behind_its_entries():
 
 @pytest.mark.parametrize(("wrong", "field"), [
     ({"options": "x"}, "options"), ({"options": [1]}, "options"), ({"options": {1: 2}}, "options"),
-    ({"options": {"starts": None}}, "starts"), ({"options": {"starts": float("nan")}}, "starts"),
-    ({"options": {"starts": np.array([1, 2])}}, "starts"), ({"options": {"starts": 10**400}}, "starts"),
+    ({"options": {"num_starts": None}}, "num_starts"), ({"options": {"num_starts": float("nan")}}, "num_starts"),
+    ({"options": {"num_starts": np.array([1, 2])}}, "num_starts"), ({"options": {"num_starts": 10**400}}, "num_starts"),
     ({"options": {"kappa_initial": 10**400}}, "kappa_initial"), ({"options": {"kappa_initial": "x"}}, "kappa_initial"),
     ({"deadline": "x"}, "deadline"), ({"deadline": float("nan")}, "deadline"), ({"deadline": True}, "deadline"),
     ({"request_id": 5}, "request_id"), ({"request_id": b"x"}, "request_id"), ({"request_id": "\ud800"}, "request_id"),
@@ -204,7 +204,7 @@ def test_threads_share_a_session_and_may_close_it(either):
 
 @pytest.mark.parametrize("error", [
     marble.InvalidProblem("A", "must be finite", index=(1, 2), value=3.0),
-    marble.InvalidArgument("starts", "must be 1"),
+    marble.InvalidArgument("num_starts", "must be 1"),
     marble.Refused("full", 2.0), marble.NotFound("no job"), marble.DeadlineExceeded("late"), marble.Unavailable("away"),
 ], ids=lambda error: type(error).__name__)
 def test_errors_may_be_pickled_and_copied(error):

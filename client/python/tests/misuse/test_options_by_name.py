@@ -28,7 +28,7 @@ def either(request, client):
 def test_calls_take_options_by_their_names(either):
     assert either.solve(tiny(), max_iterations=1).options["max_iterations"] == 1
     assert either.solve(tiny(), options={"max_iterations": 7}, max_iterations=1).options["max_iterations"] == 1
-    assert either.solve(tiny(), global_=True).options["global"]
+    assert either.solve(tiny(), global_search=True).options["global_search"]
     assert either.solve_async(tiny(), max_iterations=1).result().options["max_iterations"] == 1
     assert [a.result().options["max_iterations"] for a in either.batch([tiny()], max_iterations=9)] == [9]
     with either.session(tiny(), max_iterations=9) as session:
@@ -63,7 +63,7 @@ def test_asyncio_takes_options_by_their_names(server):
 def test_what_has_settings_of_its_own_takes_options_beside_them(either):
     blocks = [tiny(), tiny()]
     rows = [np.array([[1.0, 0.0]]), np.array([[1.0, 0.0]])]
-    answer = either.coupled(blocks, rows, [1.0], max_iterations=30, feasibility_budget=3)
+    answer = either.coupled(blocks, rows, [1.0], max_iterations=30, max_feasibility_factorizations=3)
     assert answer.coordination.iterations <= 30
     with pytest.raises(marble.InvalidArgument, match="did you mean freeze_after"):
         either.coupled(blocks, rows, [1.0], freez_after=2)
@@ -74,7 +74,7 @@ def test_what_has_settings_of_its_own_takes_options_beside_them(either):
 @pytest.mark.parametrize(("given", "meant"), [
     ("max_iter", "max_iterations"), ("maxIterations", "max_iterations"), ("time_limit", "time_limit_s"),
     ("timeout", "deadline or time_limit_s"), ("prioritys", "priority"), ("verbose", "progress"),
-    ("tol", "equality_tolerance"), ("gap_tol", "gap_tolerance")])
+    ("tol", "equality_tolerance"), ("gap_tol", "relative_gap_tolerance")])
 def test_a_name_that_is_no_option_is_reported_with_what_was_meant(given, meant):
     said = _said(**{given: 3})
     assert said.startswith(f"{given}: is no option; did you mean ")

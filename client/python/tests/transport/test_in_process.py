@@ -19,8 +19,8 @@ from marble.in_process.core import core
 
 PARTS = ("z", "y", "nu", "xi", "eta", "certificate")
 SAID = ("status", "detail", "objective", "violations", "kkt_residual", "stationarity", "b_stationary", "second_order",
-        "proved", "bound", "gap", "nodes", "open_nodes", "warm_nodes", "iterations", "factorizations", "options",
-        "cold_objective")
+        "proved", "bound", "gap", "nodes", "open_nodes", "reused_nodes", "iterations", "factorizations", "options",
+        "reference_objective")
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def same(local: marble.Solution, remote: marble.Solution) -> None:
 
 def hard() -> list[tuple[marble.LCQP, dict[str, object]]]:
     return [(tiny(), {}), (tiny(), {"path": "paper", "polish": False, "max_iterations": 77}),
-            (random_problem(5), {"max_iterations": 0}), (random_problem(3), {"global": True}),
+            (random_problem(5), {"max_iterations": 0}), (random_problem(3), {"global_search": True}),
             (marble.LCQP([[1.0]], [0.0], C=[[1], [-1]], d=[-1, 0]), {}), (marble.LCQP(None, [-1.0]), {}),
             (Hopper(steps=10).problem(), {})]
 
@@ -84,8 +84,8 @@ def test_explain_leaves_the_objective_out(client, here):
         assert nearest.objective == pytest.approx(4.5), "of ½ z², without what the problem has"
     assert here.solve(unbounded, explain=True).status is marble.Status.UNBOUNDED
     assert infeasible.compile().g.tolist() == [-1, -1], "the caller's problem keeps its objective"
-    with pytest.raises(marble.InvalidArgument, match="starts"):
-        here.explain(infeasible, starts=0)
+    with pytest.raises(marble.InvalidArgument, match="num_starts"):
+        here.explain(infeasible, num_starts=0)
 
 
 def test_explain_is_refused_by_sessions(client, here):
@@ -136,7 +136,7 @@ def test_what_only_a_server_has_says_so(here):
             call()
 
 
-@pytest.mark.parametrize("parts", [{"options": {"starts": 0}}, {"options": {"polish": "very"}},
+@pytest.mark.parametrize("parts", [{"options": {"num_starts": 0}}, {"options": {"polish": "very"}},
                                    {"options": {"path": "long"}}, {"options": {"nothing": 1}},
                                    {"priority": "urgent"}, {"request_id": "\n"}, {"deadline": 0},
                                    {"progress_interval": -1, "progress": print}])
@@ -155,7 +155,7 @@ def test_an_update_that_does_not_fit_changes_nothing(client, here):
     for one in (client, here):
         with one.session(tiny()) as session:
             session.update()
-            for wrong in ({"g": [1, 2, 3]}, {"options": {"starts": 0}, "c0": 7.0}, {"deadline": -1},
+            for wrong in ({"g": [1, 2, 3]}, {"options": {"num_starts": 0}, "c0": 7.0}, {"deadline": -1},
                           {"shift": marble.Shift(variables=[marble.ShiftBlock(0, 5, 1)]), "c0": 7.0}):
                 with pytest.raises(marble.InvalidArgument):
                     session.update(**wrong)
@@ -183,7 +183,7 @@ def test_progress_is_reported_on_the_caller_s_thread_and_what_it_raises_ends_the
 
 def test_what_a_solve_is_doing_is_reported_where_no_iteration_ends(here):
     shown = Shown()
-    handle = here.solve_async(Hopper().problem(), options={"starts": 500}, progress=shown)
+    handle = here.solve_async(Hopper().problem(), options={"num_starts": 500}, progress=shown)
     assert wait_until(lambda: any(text.startswith("further starts: ") for text in shown.words))
     handle.stop()
     assert handle.result(60).solved  # the best of the starts so far
@@ -262,7 +262,7 @@ def test_the_caller_s_handler_of_ctrl_c_stays_where_it_is_the_caller_s_own(here)
 
 
 def test_a_batch_is_answered_in_order_with_an_error_where_there_is_one(here):
-    items = [marble.BatchItem(tiny(), tag="a"), marble.BatchItem(tiny(), options={"starts": 0}), random_problem(1)]
+    items = [marble.BatchItem(tiny(), tag="a"), marble.BatchItem(tiny(), options={"num_starts": 0}), random_problem(1)]
     answers = list(here.batch(iter(items)))
     assert [answer.index for answer in answers] == [0, 1, 2] and answers[0].tag == "a"
     assert answers[0].result().solved and answers[2].result().solved
@@ -346,7 +346,7 @@ def test_derivatives_of_an_answer_are_differences_of_answers_nearby():
 
     def moved(step):
         parts = {name: getattr(problem, name) + step * by for name, by in direction.items()}
-        return marble.solve(problem.replaced(**parts), server="local", warm_start=answer, local_search_budget=0)
+        return marble.solve(problem.replaced(**parts), server="local", warm_start=answer, max_local_search_factorizations=0)
 
     near = [moved(h), moved(-h)]
     for name in ("z", "y", "xi", "eta"):

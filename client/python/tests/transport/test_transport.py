@@ -46,7 +46,7 @@ def test_the_clients_have_the_same_methods_with_the_same_parameters(threads, aio
 def test_an_invalid_argument_of_an_awaited_call_is_raised_by_the_await(server, address):
     async def scenario():
         async with marble.aio.Client(address or server.address) as client:
-            results = await asyncio.gather(client.solve(tiny(), starts=0), client.solve(3), client.solve(tiny()),
+            results = await asyncio.gather(client.solve(tiny(), num_starts=0), client.solve(3), client.solve(tiny()),
                                            return_exceptions=True)
             assert [type(result) for result in results] == [marble.InvalidArgument, marble.InvalidProblem,
                                                             marble.Solution]

@@ -39,7 +39,7 @@ export interface Pieces {
   /** The number of segments of equal length, ≥ 1. */
   pieces: number;
   /** Overlap of the segments in the initial forward pass, in stages; default: a third of a segment, at least 2. */
-  lookAhead?: number;
+  overlap?: number;
 }
 
 /**
@@ -163,10 +163,10 @@ export function piecesRequest(problem: Problem, cut: Pieces, controls: PiecesCon
     throw invalid("coupled.pieces.stages", "must be a whole number in [0, 2^31)", { index, value });
   });
   const count = wholeOrZero("coupled.pieces.pieces", cut.pieces);
-  const { lookAhead } = cut;
-  if (lookAhead !== -1) wholeOrZero("coupled.pieces.lookAhead", lookAhead);
+  const { overlap } = cut;
+  if (overlap !== -1) wholeOrZero("coupled.pieces.overlap", overlap);
   const message = settingsOf(controls);
-  message.pieces = { stages: packIntegers(Int32Array.from(stages)), pieces: count, lookAhead };
+  message.pieces = { stages: packIntegers(Int32Array.from(stages)), pieces: count, overlap };
   return { ...request, coupled: message };
 }
 

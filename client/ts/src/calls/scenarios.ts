@@ -65,23 +65,23 @@ export interface ScenarioControls extends Omit<RequestControls, "initialPoint" |
   /**
    * Scenarios as a table, or quantities that the server draws; they depend only on the seed and the scenario's number.
    */
-  worlds: ScenarioSamples | { seed?: number; quantities: ScenarioQuantity[] };
+  scenarios: ScenarioSamples | { seed?: number; quantities: ScenarioQuantity[] };
   /** Rows and pairs with first-stage variables only whose data differ between scenarios. */
   own?: { equalities?: ArrayLike<number>; inequalities?: ArrayLike<number>; pairs?: ArrayLike<number> };
   /** Initial sample size; default 1. */
-  firstScenarios?: number;
+  initialSampleSize?: number;
   /** Growth factor of the sample size, > 1; default 2. */
   growth?: number;
   /** Maximum sample size; default 64. */
-  mostScenarios?: number;
+  maxSampleSize?: number;
   /** Ends when the 95 % interval of the out-of-sample cost is at most this fraction of the cost; default 0: never. */
   tolerance?: number;
   /** Minimum sample size for this; default 8. */
-  leastScenarios?: number;
+  minSampleSize?: number;
   /** Maximum fraction of out-of-sample scenarios without feasible recourse for this; default 0.05. */
   withoutRecourse?: number;
   /** Minimum number of out-of-sample scenarios per level; default 16. */
-  freshScenarios?: number;
+  outOfSampleScenarios?: number;
   /** Called after every level. */
   onLevel?: (level: ScenarioLevel) => void;
   /** Called for every iteration. */
@@ -91,10 +91,10 @@ export interface ScenarioControls extends Omit<RequestControls, "initialPoint" |
 }
 
 /** The result of a level: the problem with one sample of scenarios. */
-export interface ScenarioLevel extends Omit<LevelMessage, "status" | "fresh"> {
+export interface ScenarioLevel extends Omit<LevelMessage, "status" | "outOfSample"> {
   status: Status | "unknown";
   /** The cost of its plan in out-of-sample scenarios: mean ± halfWidth is the 95 % interval. Absent without any. */
-  fresh?: OutOfSample;
+  outOfSample?: OutOfSample;
 }
 
 /** The plan of the newest solved level. */
@@ -160,28 +160,28 @@ export function levelOf(message: LevelMessage): ScenarioLevel {
 }
 
 export function messageOf(controls: ScenarioControls): Message {
-  const { firstStage, worlds, own } = controls;
+  const { firstStage, scenarios, own } = controls;
   return {
     firstStage: integers(firstStage),
     ownEqualities: integers(own?.equalities),
     ownInequalities: integers(own?.inequalities),
     ownPairs: integers(own?.pairs),
-    worlds: "quantities" in worlds ? samplerOf(worlds.seed ?? 0, worlds.quantities) : samplesOf(worlds),
-    firstScenarios: controls.firstScenarios,
+    scenarios: "quantities" in scenarios ? samplerOf(scenarios.seed ?? 0, scenarios.quantities) : samplesOf(scenarios),
+    initialSampleSize: controls.initialSampleSize,
     growth: controls.growth,
-    mostScenarios: controls.mostScenarios,
+    maxSampleSize: controls.maxSampleSize,
     tolerance: controls.tolerance,
-    leastScenarios: controls.leastScenarios,
+    minSampleSize: controls.minSampleSize,
     withoutRecourse: controls.withoutRecourse,
-    freshScenarios: controls.freshScenarios,
+    outOfSampleScenarios: controls.outOfSampleScenarios,
   };
 }
 
-function samplesOf({ entries, values, weights }: ScenarioSamples): Message["worlds"] {
+function samplesOf({ entries, values, weights }: ScenarioSamples): Message["scenarios"] {
   const width = values[0]?.length ?? 0;
   const table = new Float64Array(width * values.length);
   values.forEach((row, i) => {
-    if (row.length !== width) throw invalid("worlds.values", `must have ${width} numbers, as many as the first`, { index: i });
+    if (row.length !== width) throw invalid("scenarios.values", `must have ${width} numbers, as many as the first`, { index: i });
     table.set(Array.from(row), i * width);
   });
   return {
@@ -194,7 +194,7 @@ function samplesOf({ entries, values, weights }: ScenarioSamples): Message["worl
   };
 }
 
-function samplerOf(seed: number, quantities: ScenarioQuantity[]): Message["worlds"] {
+function samplerOf(seed: number, quantities: ScenarioQuantity[]): Message["scenarios"] {
   return {
     $case: "sampler",
     value: {

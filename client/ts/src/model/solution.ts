@@ -100,7 +100,7 @@ export class Solution {
 
   /** Whether all tolerances are met, or 100 times the tolerances if no more was possible. */
   get solved(): boolean {
-    return this.status === "solved" || this.status === "solved_reduced";
+    return this.status === "solved" || this.status === "almost_solved";
   }
 
   /** What to try after this status; empty if solved. */
@@ -132,9 +132,9 @@ export class Solution {
         violations.inequality <= (options.inequalityTolerance ?? 1e-6) &&
         violations.complementarity <= (options.complementarityTolerance ?? 1e-6),
       pairs: this.complementarityMultipliersL.length,
-      budgetSpent: this.factorizations >= (options.localSearchBudget ?? 1000) && !this.detail.includes("segments; "),
-      starts: options.starts ?? 1,
-      globalSearch: options.global ?? false,
+      budgetSpent: this.factorizations >= (options.maxLocalSearchFactorizations ?? 1000) && !this.detail.includes("segments; "),
+      starts: options.numStarts ?? 1,
+      globalSearch: options.globalSearch ?? false,
     };
   }
 

@@ -13,7 +13,7 @@ const noGap = 1e-6;
 
 /**
  * What the kind of a solution, its text and its advice follow from. feasible: z is within the tolerances. budgetSpent:
- * the factorizations have reached the option localSearchBudget. starts, globalSearch: the options starts and global.
+ * the factorizations have reached the option maxLocalSearchFactorizations. starts, globalSearch: the options starts and global.
  * @typedef {{status: string, proved: boolean, bStationary?: boolean | undefined, secondOrder?: string | undefined,
  *   objective: number, gap: number, feasible: boolean, pairs: number, factorizations: number, budgetSpent: boolean,
  *   starts: number, globalSearch: boolean}} SolutionFacts
@@ -21,7 +21,7 @@ const noGap = 1e-6;
 
 /** @type {Readonly<Record<string, SolutionKind>>} */
 const byStatus = {
-  solved_reduced: "almost_solved",
+  almost_solved: "almost_solved",
   infeasible: "proved_infeasible",
   locally_infeasible: "no_feasible_point",
   unbounded: "proved_unbounded",

@@ -107,7 +107,7 @@ export const statuses = /** @type {const} */ ({
     means: "All tolerances are met.",
     advice: "",
   },
-  solved_reduced: {
+  almost_solved: {
     tone: "soft",
     means: "Feasible to 100 times the tolerances, but no further progress was possible.",
     advice: "Use it if that is enough. Otherwise find the largest violation, and scale its rows or loosen its tolerance.",
@@ -120,7 +120,7 @@ export const statuses = /** @type {const} */ ({
   time_limit: {
     tone: "soft",
     means: "time_limit_s was reached; this is the best iterate.",
-    advice: "Check which part took the time. Then raise time_limit_s, lower local_search_budget, or use warm starts in a session.",
+    advice: "Check which part took the time. Then raise time_limit_s, lower max_local_search_factorizations, or use warm starts in a session.",
   },
   cancelled: {
     tone: "soft",
@@ -135,7 +135,7 @@ export const statuses = /** @type {const} */ ({
   locally_infeasible: {
     tone: "bad",
     means: "The search ended at a point where the violation cannot be lowered any further; no feasible point is near. One may exist elsewhere.",
-    advice: "If detail names ill-conditioned rows, remove one of them. Otherwise raise feasibility_budget, or start elsewhere (x0). If it happens from every start, check the data of the largest violation.",
+    advice: "If detail names ill-conditioned rows, remove one of them. Otherwise raise max_feasibility_factorizations, or start elsewhere (x0). If it happens from every start, check the data of the largest violation.",
   },
   unbounded: {
     tone: "bad",
@@ -154,7 +154,7 @@ export const kinds = /** @type {const} */ ({
   proved_optimal: {
     text: "proved optimal{within}",
     advice: "",
-    means: "No feasible point is better by more than gap_tolerance.",
+    means: "No feasible point is better by more than relative_gap_tolerance.",
   },
   optimal: {
     text: "optimal: Q is convex, and there are no pairs",
@@ -173,7 +173,7 @@ export const kinds = /** @type {const} */ ({
   },
   saddle_point: {
     text: "saddle point: the objective falls along a direction of negative curvature",
-    advice: "Raise local_search_budget or time_limit_s: the descent from the saddle point was cut short.",
+    advice: "Raise max_local_search_factorizations or time_limit_s: the descent from the saddle point was cut short.",
     means: "The objective falls along a direction of negative curvature, and the descent was cut short.",
   },
   almost_solved: {
@@ -223,10 +223,10 @@ export const phrases = /** @type {const} */ ({
   next_branch: "a better branch may lie next to it",
   curvature: "its curvature was not decided",
   if_not_convex: "Where Q is not convex: ",
-  budget_spent: "The search for better branches has spent local_search_budget: a larger one lets it go on. ",
-  first_starts: "starts=8 searches 8 times, for about 8 times the work (this solve: {factorizations}).",
-  more_starts: "starts={more} searches twice as often, for about twice the work (this solve: {factorizations}).",
-  try_global: " global=true searches the branches of the {pairs} for the best one and proves it; that may take much longer, and time_limit_s ends it with a bound.",
+  budget_spent: "The search for better branches has spent max_local_search_factorizations: a larger one lets it go on. ",
+  first_starts: "num_starts=8 searches 8 times, for about 8 times the work (this solve: {factorizations}).",
+  more_starts: "num_starts={more} searches twice as often, for about twice the work (this solve: {factorizations}).",
+  try_global: " global_search=true searches the branches of the {pairs} for the best one and proves it; that may take much longer, and time_limit_s ends it with a bound.",
   proof_ended: " The proof did not come to its end: detail says why.",
 });
 

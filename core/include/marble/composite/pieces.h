@@ -54,11 +54,11 @@ struct PiecesOptions {
   /// for, and the tolerance is 1e-8, because the whole problem is then solved exactly.
   CoupledOptions coupled = {.proximal = 100.0, .freeze_after = 0, .tolerance = 1e-8, .joint_search = false};
   Index pieces = 2;  ///< >= 1, at most the number of stages
-  /// Number of stages of look-ahead for each segment in the forward pass, >= −1; −1: a third of a segment,
+  /// Number of stages of overlap for each segment in the forward pass, >= −1; −1: a third of a segment,
   /// but at least 2.
-  Index look_ahead = -1;
+  Index overlap = -1;
 
-  /// Checks all options. Errors name the field: "look_ahead", "joint", and those of CoupledOptions::check.
+  /// Checks all options. Errors name the field: "overlap", "joint", and those of CoupledOptions::check.
   [[nodiscard]] Expected<void> check() const;
 };
 
@@ -71,11 +71,11 @@ struct PiecesSolution {
   std::int64_t sweep_factorizations = 0;
 };
 
-/// Solves the segments one after the other, each from the end of the last one and with a look-ahead (forward
+/// Solves the segments one after the other, each from the end of the last one and with a overlap (forward
 /// pass); then makes them agree, all at once; and solves the branch found as one problem. If a segment has no
 /// solution for some multipliers, the whole problem is solved from the forward pass; `coordination` and the
 /// detail of `whole` say so. If the forward pass fails, the whole problem is solved cold. Errors:
-/// invalid_argument of "look_ahead", and those of pieces_by_stage(), cut(), coordinate() and Solver::create.
+/// invalid_argument of "overlap", and those of pieces_by_stage(), cut(), coordinate() and Solver::create.
 [[nodiscard]] Expected<PiecesSolution> solve_in_pieces(const Problem& problem,
                                                        std::span<const Index> stage_of_variable,
                                                        const PiecesOptions& options = {},

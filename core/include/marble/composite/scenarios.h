@@ -9,7 +9,7 @@
 // Quadratic Programming").
 //
 //   marble::ScenarioProblem scenarios{.base = problem.view(), .first_stage = plan, .sample = height};
-//   auto answer = marble::solve_scenarios(scenarios, {.most_scenarios = 64});
+//   auto answer = marble::solve_scenarios(scenarios, {.max_sample_size = 64});
 #pragma once
 
 #include <cstdint>
@@ -64,7 +64,7 @@ struct ScenarioProblem {
 /// Why the sample-average stages ended.
 enum class ScenarioEnd {
   interval,    ///< the out-of-sample cost is known to `tolerance`
-  samples,     ///< the sample has most_scenarios, or all that exist
+  samples,     ///< the sample has max_sample_size, or all that exist
   not_solved,  ///< the last stage ended with a status other than solved: see status
   too_large,   ///< the next stage needs more memory than allowed
   time_limit,  ///< the time limit of the options was reached
@@ -98,27 +98,27 @@ struct ScenarioLevel {
   bool warm = false;              ///< it kept the branch of the previous stage, extended to the new scenarios
   bool searched = false;          ///< also solved cold, since feasibility of its start had to be restored
   std::int64_t memory_bytes = 0;  ///< of its numbers, its LCQP, its solver and solutions, by their estimates
-  std::optional<OutOfSample> fresh = {};  ///< absent if no scenarios are left or none are requested
-  std::span<const double> x = {};         ///< its plan; valid only during the call
+  std::optional<OutOfSample> out_of_sample = {};  ///< absent if no scenarios are left or none are requested
+  std::span<const double> x = {};                 ///< its plan; valid only during the call
 };
 
 /// Optional settings.
 struct ScenarioSettings {
-  /// For every stage, except time_limit_s, which covers all of them, and local_search_budget, which is at
-  /// most 50 in all stages but the first. If feasibility of a stage's start had to be restored, the stage is
-  /// also solved cold before the next one; the last stage only if `starts` is above 1.
+  /// For every stage, except time_limit_s, which covers all of them, and max_local_search_factorizations,
+  /// which is at most 50 in all stages but the first. If feasibility of a stage's start had to be restored,
+  /// the stage is also solved cold before the next one; the last stage only if `starts` is above 1.
   Options options = {};
-  std::int64_t first_scenarios = 1;  ///< N₀ ≥ 1
-  double growth = 2.0;               ///< ω > 1: N_k = ⌈N₀ ωᵏ⌉, at least one more than the last
-  std::int64_t most_scenarios = 64;  ///< ≥ first_scenarios: a stage that would have more has this many
-  double tolerance = 0.0;            ///< ≥ 0: ends when half_width ≤ tolerance · |mean|; 0: never
-  std::int64_t least_scenarios =
+  std::int64_t initial_sample_size = 1;  ///< N₀ ≥ 1
+  double growth = 2.0;                   ///< ω > 1: N_k = ⌈N₀ ωᵏ⌉, at least one more than the last
+  std::int64_t max_sample_size = 64;  ///< ≥ initial_sample_size: a stage that would have more has this many
+  double tolerance = 0.0;             ///< ≥ 0: ends when half_width ≤ tolerance · |mean|; 0: never
+  std::int64_t min_sample_size =
       8;  ///< ≥ 1: no end by `tolerance` before N is as large, since few scenarios may agree on a poor plan
   double without_recourse = 0.05;  ///< in [0, 1]: no end by `tolerance` while a larger share of the
                                    ///< out-of-sample scenarios has no recourse
   /// ≥ 0, for each stage: minimum number of out-of-sample scenarios; those that the next stage adds are tried
   /// anyway. 0: no scenarios beyond the last stage are drawn, and its plan is not tried.
-  std::int64_t fresh_scenarios = 16;
+  std::int64_t out_of_sample_scenarios = 16;
   std::function<void(const ScenarioLevel&)> level = {};  ///< called after every stage
 };
 
@@ -162,7 +162,7 @@ struct ScenarioAnswer {
 
 /// Checks whether the first stage may fit into memory: its numbers, its LCQP and the minimum that a solver of
 /// it needs, judged by sizes alone. Calls `sample` only for scenario 0. Errors: resource_exhausted of the
-/// field "settings.first_scenarios"; those of `sample`.
+/// field "settings.initial_sample_size"; those of `sample`.
 [[nodiscard]] Expected<void> check_first_level(const ScenarioProblem& problem,
                                                const ScenarioSettings& settings, std::int64_t most_bytes);
 

@@ -36,8 +36,8 @@ struct SolutionFacts {
   bool feasible = false;  ///< z is within the tolerances
   std::int64_t pairs = 0;
   std::int64_t factorizations = 0;
-  /// The factorizations have reached the option local_search_budget. False for a solution by segments, each
-  /// of which has that budget.
+  /// The factorizations have reached the option max_local_search_factorizations. False for a solution by
+  /// segments, each of which has that budget.
   bool budget_spent = false;
   std::int32_t starts = 1;     ///< the option of that name
   bool global_search = false;  ///< the option of that name

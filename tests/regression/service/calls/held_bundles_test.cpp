@@ -99,7 +99,7 @@ TEST_F(HeldBundles, EndAfterATime) {
   EXPECT_TRUE(eventually([&] { return take(alice_, hers).ok(); }));
 }
 
-TEST_F(HeldBundles, TellAClientThatReadsOnWhyTheyEnded) {
+TEST_F(HeldBundles, ReportAClientThatReadsOnWhyTheyEnded) {
   start_with({"--bundle-idle-s", "0.2", "--bundles", "1"});
   const std::string hers = finished(alice_), his = finished(bob_);
   const auto context = as(alice_);

@@ -47,9 +47,9 @@ TEST_F(KeptAnswer, IsHeldOnceForAllWhoAskForIt) {
     raw.send(RawHttp2::frame(RawHttp2::kData, RawHttp2::kEndStream, 2 * i + 1,
                              RawHttp2::message(wanted.SerializeAsString())));
   }
-  const std::string all_told =
+  const std::string all_reported =
       "marble_rpcs_total{code=\"OK\",method=\"marble.v1.Jobs/Result\"} " + std::to_string(kCalls + 1);
-  ASSERT_TRUE(eventually([&] { return get("/metrics")->body.find(all_told) != std::string::npos; }));
+  ASSERT_TRUE(eventually([&] { return get("/metrics")->body.find(all_reported) != std::string::npos; }));
   EXPECT_LT(resident_bytes(server().pid(), "VmRSS") - before, 256 << 20);
   EXPECT_TRUE(lives());
 }

@@ -1,5 +1,5 @@
 // Symptom: a job id of 9 kB and more got RESOURCE_EXHAUSTED "received metadata size exceeds" and not
-// NOT_FOUND: the error told the whole id, and did not fit into the trailers.
+// NOT_FOUND: the error contained the whole id, and did not fit into the trailers.
 #include "service_test.h"
 
 namespace marble::testing {
@@ -7,7 +7,7 @@ namespace {
 
 class LongId : public ServiceTest {};
 
-TEST_F(LongId, IsToldByItsBeginningAndItsLength) {
+TEST_F(LongId, IsReportedByItsBeginningAndItsLength) {
   start();
   const auto jobs = v1::Jobs::NewStub(channel());
   v1::GetJobRequest get;

@@ -112,7 +112,7 @@ TEST_F(SessionMemory, FieldsWithinGroupsAreCounted) {
   }
 }
 
-TEST_F(SessionMemory, AShiftThatMovesMoreThanThereIsIsToldWithItsBlock) {
+TEST_F(SessionMemory, AShiftThatMovesMoreThanThereIsIsReportedWithItsBlock) {
   start();
   const auto call = set_up(4);
   v1::SessionRequest twice = update(1);
@@ -122,10 +122,10 @@ TEST_F(SessionMemory, AShiftThatMovesMoreThanThereIsIsToldWithItsBlock) {
     block->set_by(1);
   }
   call->write(twice);
-  const auto told = call->next();
-  ASSERT_TRUE(told && told->has_error());
-  EXPECT_NE(told->error().status().message().find("update.shift.variables[1] = 6: "), std::string::npos)
-      << told->error().status().message();
+  const auto reported = call->next();
+  ASSERT_TRUE(reported && reported->has_error());
+  EXPECT_NE(reported->error().status().message().find("update.shift.variables[1] = 6: "), std::string::npos)
+      << reported->error().status().message();
   call->write(update(2));
   EXPECT_TRUE(call->next()->has_answer()) << "the session goes on";
 }
@@ -146,7 +146,7 @@ TEST_F(SessionMemory, UpdatesThatWaitAreCountedAndWaitElsewhereBeyondTheLimit) {
   });
   const std::int64_t one = 8 * kNumbers;
   EXPECT_TRUE(eventually([&] { return counters().request_bytes() >= before + 6 * one; }))
-      << "GetInfo tells of them";
+      << "GetInfo counts them";
   EXPECT_LE(counters().request_bytes(), before + kLimit / 4 + 2 * one)
       << "a quarter waits, one stands in the queue";
   blocker.cancel();

@@ -18,7 +18,7 @@ TEST_F(GzipBomb, IsRefusedAtItsHeaders) {
   EXPECT_LT(resident_bytes(server().pid()) - before, 32 << 20);
 }
 
-TEST_F(GzipBomb, AClientThatCompressesIsToldSo) {
+TEST_F(GzipBomb, AClientThatCompressesIsReportedSo) {
   start();
   grpc::ClientContext context;
   context.set_compression_algorithm(GRPC_COMPRESS_GZIP);

@@ -28,7 +28,7 @@ TEST_F(HeaderFlood, EndsEachConnection) {
   }
   EXPECT_LT(resident_bytes(server().pid()), 1 << 30);
   EXPECT_TRUE(eventually([&] {
-    return !server().log_lines({"connection_closed", "pouring"}).empty();
+    return !server().log_lines({"connection_closed", "flooding"}).empty();
   })) << server().log();
   EXPECT_TRUE(lives());
 }

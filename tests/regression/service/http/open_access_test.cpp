@@ -48,7 +48,7 @@ TEST_F(OpenAccess, AReloadThatLosesTheTokensLetsNobodyIn) {
   EXPECT_EQ(ask().status.error_code(), StatusCode::UNAUTHENTICATED);
 }
 
-TEST_F(OpenAccess, AReloadMayStillTellCallersApart) {
+TEST_F(OpenAccess, AReloadMayStillReportCallersApart) {
   write("config.toml", "");
   start({"--config", directory_.file("config.toml")});
   EXPECT_TRUE(ask().ok());
@@ -70,23 +70,23 @@ TEST_F(OpenAccess, BeyondLoopbackCallersAreKnownOrAnyoneIsSaid) {
                              check({"--listen", anywhere, "--insecure"})}) {
     EXPECT_EQ(refused.exit_code, 2);
     EXPECT_TRUE(refused.said("every caller has every role")) << refused.output;
-    EXPECT_TRUE(refused.said("--anyone")) << refused.output;
+    EXPECT_TRUE(refused.said("--allow-anonymous")) << refused.output;
   }
-  for (const Run& taken :
-       {with_tls({"--listen", anywhere, "--tokens", tokens}),
-        with_tls({"--listen", anywhere, "--tls-client-ca", clients_.certificate()}),
-        with_tls({"--listen", anywhere, "--anyone"}), check({"--listen", anywhere, "--insecure", "--anyone"}),
-        check({"--listen", anywhere, "--insecure", "--tokens", tokens}), check({})}) {
+  for (const Run& taken : {with_tls({"--listen", anywhere, "--tokens", tokens}),
+                           with_tls({"--listen", anywhere, "--tls-client-ca", clients_.certificate()}),
+                           with_tls({"--listen", anywhere, "--allow-anonymous"}),
+                           check({"--listen", anywhere, "--insecure", "--allow-anonymous"}),
+                           check({"--listen", anywhere, "--insecure", "--tokens", tokens}), check({})}) {
     EXPECT_EQ(taken.exit_code, 0) << taken.output;
   }
 }
 
 TEST_F(OpenAccess, WhoLetsAnyoneInIsWarnedAtEachStart) {
-  start({"--listen", "0.0.0.0:0", "--insecure", "--anyone"});
-  EXPECT_TRUE(eventually_logged({" warning anyone component=access", "0.0.0.0"})) << server().log();
-  start({"--listen", "0.0.0.0:0", "--insecure", "--anyone", "--tokens", write("tokens", "")});
+  start({"--listen", "0.0.0.0:0", "--insecure", "--allow-anonymous"});
+  EXPECT_TRUE(eventually_logged({" warning allow_anonymous component=access", "0.0.0.0"})) << server().log();
+  start({"--listen", "0.0.0.0:0", "--insecure", "--allow-anonymous", "--tokens", write("tokens", "")});
   ASSERT_TRUE(eventually_logged({" listening "}));  // which comes later
-  EXPECT_TRUE(server().log_lines({" anyone "}).empty()) << server().log();
+  EXPECT_TRUE(server().log_lines({" allow_anonymous "}).empty()) << server().log();
 }
 
 TEST_F(OpenAccess, ACertificateWithATokensNameIsSomebodyElse) {

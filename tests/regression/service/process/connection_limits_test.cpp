@@ -68,7 +68,7 @@ TEST_F(ConnectionLimits, OneWithoutACallIsClosed) {
 }
 
 TEST_F(ConnectionLimits, OfAStrangerNotManyCallsStayOpen) {
-  start({"--tokens", write("tokens", new_token("planner:solve").line), "--stranger-bytes", "1048576"});
+  start({"--tokens", write("tokens", new_token("planner:solve").line), "--unauthenticated-bytes", "1048576"});
   RawHttp2 raw(server().address());
   raw.begin();
   // Health is open to all, and its Watch never ends.

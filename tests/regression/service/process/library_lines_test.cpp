@@ -25,7 +25,7 @@ class LibraryLines : public SecureServiceTest {
   const std::string kNoText = "\x0a\x02\xff\xfe";  // a text that is no UTF-8
 };
 
-TEST_F(LibraryLines, WhoIsNotKnownIsToldSoBeforeARequestIsParsed) {
+TEST_F(LibraryLines, WhoIsNotKnownIsReportedSoBeforeARequestIsParsed) {
   start({"--tokens", write("tokens", new_token("planner:solve").line), "--log-format", "json"});
   for (const std::string& method : kMethods) {
     for (const std::string& bytes : {kNoMessage, kNoText})

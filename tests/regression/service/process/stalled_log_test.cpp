@@ -103,9 +103,9 @@ TEST_F(StalledLog, SolvesGoOnAndWhatWasNotReadIsCounted) {
     time_before = time;
     jobs += line.find(" job component=job ") != std::string::npos ? 1 : 0;
   }
-  const double told = std::stod(read.substr(read.find("dropped=") + 8));
-  EXPECT_EQ(told, dropped);
-  EXPECT_EQ(jobs + told, 10'000) << read;
+  const double reported = std::stod(read.substr(read.find("dropped=") + 8));
+  EXPECT_EQ(reported, dropped);
+  EXPECT_EQ(jobs + reported, 10'000) << read;
   server_->send(SIGTERM);
   EXPECT_NE(read_until("stopped component=server").find("answered=10000"), std::string::npos);
   EXPECT_EQ(server_->wait(), 0);

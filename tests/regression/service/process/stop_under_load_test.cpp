@@ -21,8 +21,8 @@ using grpc::StatusCode;
 
 class StopUnderLoad : public ServiceTest {
  protected:
-  /// What its last line in the log tells of this.
-  int told_at_the_end(const std::string& field) {
+  /// What its last line in the log says of this.
+  int reported_at_the_end(const std::string& field) {
     const std::vector<std::string> lines = server().log_lines({" stopped "});
     std::smatch match;
     if (lines.size() != 1 || !std::regex_search(lines[0], match, std::regex(" " + field + "=([0-9]+)")))
@@ -61,12 +61,12 @@ TEST_F(StopUnderLoad, WhoeverGoesOnAskingHearsWhateverWasAnswered) {
     EXPECT_EQ(server().wait(), 0);
     ended = true;
     for (std::thread& client : clients) client.join();
-    EXPECT_EQ(told_at_the_end("answered"), solved) << server().log();
-    EXPECT_EQ(told_at_the_end("refused"), refused) << server().log();
+    EXPECT_EQ(reported_at_the_end("answered"), solved) << server().log();
+    EXPECT_EQ(reported_at_the_end("refused"), refused) << server().log();
   }
 }
 
-TEST_F(StopUnderLoad, ACallWhoseMessageHasNotComeIsToldWhenToComeBack) {
+TEST_F(StopUnderLoad, ACallWhoseMessageHasNotComeIsReportedWhenToComeBack) {
   start({"--http", "127.0.0.1:0"});
   grpc::GenericStub stub(channel());
   grpc::ClientContext context;
@@ -94,7 +94,7 @@ TEST_F(StopUnderLoad, ACallWhoseMessageHasNotComeIsToldWhenToComeBack) {
   EXPECT_EQ(server().wait(), 0);
 }
 
-TEST_F(StopUnderLoad, EveryStreamThatItEndsIsToldWhenToComeBack) {
+TEST_F(StopUnderLoad, EveryStreamThatItEndsIsReportedWhenToComeBack) {
   start({"--workers", "1", "--drain-grace-s", "3600"});
   Stream running(solver(), long_request());  // until the second signal
   ASSERT_TRUE(running.read_until(Event::kStarted));

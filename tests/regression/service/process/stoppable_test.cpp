@@ -1,6 +1,6 @@
 // Symptom: one request of 0.9 MB (n = 11,000, a random sparse Q) that its client had cancelled held a worker
-// for 58 s; SIGTERM with a grace of 3 s, and a second one, ended the server after 34 s; GetInfo told others
-// that they would wait for 0.000 s meanwhile. A time limit of 1 s did not help either.
+// for 58 s; SIGTERM with a grace of 3 s, and a second one, ended the server after 34 s; GetInfo reported
+// others that they would wait for 0.000 s meanwhile. A time limit of 1 s did not help either.
 //
 // Within one factorization nothing looked at the stop token or the clock, and the estimate knew of the mean
 // of past solves alone.
@@ -40,13 +40,13 @@ TEST_F(Stoppable, ACancelledFactorizationFreesItsWorker) {
   EXPECT_TRUE(lives());
 }
 
-TEST_F(Stoppable, OthersAreToldThatTheyWillWait) {
+TEST_F(Stoppable, OthersAreReportedThatTheyWillWait) {
   start({"--workers", "1"});
   Stream running(solver(), filling_request());
   ASSERT_TRUE(running.read_until(Event::kStarted));
   const double at_first = counters().estimated_wait_realtime_s();
   EXPECT_TRUE(eventually([&] { return counters().estimated_wait_realtime_s() > at_first + 0.1; }))
-      << "nothing but its own time tells how long it takes";
+      << "only its own time shows how long it takes";
   running.cancel();
   EXPECT_TRUE(eventually([&] { return counters().estimated_wait_realtime_s() == 0.0; }));
 }
@@ -84,7 +84,7 @@ TEST_F(Stoppable, AFactorizationThatIsTooLongIsRefusedAndNotWorthARetry) {
   EXPECT_TRUE(lives());
 }
 
-TEST_F(Stoppable, TheServersOwnLimitIsTold) {
+TEST_F(Stoppable, TheServersOwnLimitIsReported) {
   start({"--workers", "1", "--solve-seconds", "2"});
   v1::SolveResponse response;
   const grpc::Status refused = solve(filling_request(), &response);

@@ -30,7 +30,7 @@ class Reference {
         open_(open) {
     inner_.method = Method::sqpcc;
     inner_.curvature = Curvature::exact;
-    if (settings.iteration) inner_.iteration = [this](const Iteration& row) { tell(row); };
+    if (settings.iteration) inner_.iteration = [this](const Iteration& row) { report(row); };
   }
 
   Expected<Answer> run() {
@@ -122,7 +122,7 @@ class Reference {
     return std::move(answer);
   }
 
-  void tell(Iteration row) {
+  void report(Iteration row) {
     const Auxiliary::Seen& seen = auxiliary_.seen(row.x);
     row.objective = seen.objective, row.violation = seen.violation, row.iteration += iterations_;
     settings_.iteration(row);

@@ -58,21 +58,21 @@ MOST_LEVELS: Final = 128
 MOST_ROWS: Final = 268435455
 SYMMETRY: Final = 1e-12
 _ADVICE: Final = {
-    "solved_reduced":
+    "almost_solved":
         "Use it if that is enough. Otherwise find the largest violation, and scale its rows or loosen its tolerance.",
     "iteration_limit":
         "If the convergence curves still fall, raise max_iterations. If they are flat, another start (x0, or starts "
         "above 1) helps more than further iterations. If nodes are open, raise node_limit.",
     "time_limit":
-        "Check which part took the time. Then raise time_limit_s, lower local_search_budget, or use warm starts in a "
-        "session.",
+        "Check which part took the time. Then raise time_limit_s, lower max_local_search_factorizations, or use warm "
+        "starts in a session.",
     "cancelled": "Send the request again if the cancellation was not intended.",
     "infeasible":
         "The problem contradicts itself: check the signs and offsets of A, b, C, d, l and r. Option explain=true, or "
         "the command marble explain, returns a smallest set of conflicting rows and pairs.",
     "locally_infeasible":
-        "If detail names ill-conditioned rows, remove one of them. Otherwise raise feasibility_budget, or start "
-        "elsewhere (x0). If it happens from every start, check the data of the largest violation.",
+        "If detail names ill-conditioned rows, remove one of them. Otherwise raise max_feasibility_factorizations, or"
+        " start elsewhere (x0). If it happens from every start, check the data of the largest violation.",
     "unbounded": "A bound or a cost is missing: the nonzero entries of that direction show the variables.",
     "numerical_failure":
         "The cause is usually bad scaling: bring the data nearer to 1, avoid nearly equal rows, keep scaling_passes "
@@ -98,7 +98,8 @@ KIND_ADVICE: Final = {
     "optimal": "",
     "local_minimum": "{condition}{starts}{proof}",
     "stationary_point": "{budget}{starts}{proof}",
-    "saddle_point": "Raise local_search_budget or time_limit_s: the descent from the saddle point was cut short.",
+    "saddle_point":
+        "Raise max_local_search_factorizations or time_limit_s: the descent from the saddle point was cut short.",
     "almost_solved": "{status}",
     "proved_infeasible": "{status}",
     "no_feasible_point": "{status}",
@@ -117,12 +118,14 @@ PHRASES: Final = {
     "next_branch": "a better branch may lie next to it",
     "curvature": "its curvature was not decided",
     "if_not_convex": "Where Q is not convex: ",
-    "budget_spent": "The search for better branches has spent local_search_budget: a larger one lets it go on. ",
-    "first_starts": "starts=8 searches 8 times, for about 8 times the work (this solve: {factorizations}).",
-    "more_starts": "starts={more} searches twice as often, for about twice the work (this solve: {factorizations}).",
+    "budget_spent":
+        "The search for better branches has spent max_local_search_factorizations: a larger one lets it go on. ",
+    "first_starts": "num_starts=8 searches 8 times, for about 8 times the work (this solve: {factorizations}).",
+    "more_starts":
+        "num_starts={more} searches twice as often, for about twice the work (this solve: {factorizations}).",
     "try_global":
-        " global=true searches the branches of the {pairs} for the best one and proves it; that may take much longer,"
-        " and time_limit_s ends it with a bound.",
+        " global_search=true searches the branches of the {pairs} for the best one and proves it; that may take much "
+        "longer, and time_limit_s ends it with a bound.",
     "proof_ended": " The proof did not come to its end: detail says why.",
 }
 """Parts of these texts."""
@@ -132,7 +135,7 @@ class Status(enum.Enum):
     """Why a solve ended. Every status comes with the best iterate and its violations.
 
     SOLVED: All tolerances are met.
-    SOLVED_REDUCED: Feasible to 100 times the tolerances, but no further progress was possible.
+    ALMOST_SOLVED: Feasible to 100 times the tolerances, but no further progress was possible.
     ITERATION_LIMIT: max_iterations was reached, or with option global node_limit; this is the best iterate.
     TIME_LIMIT: time_limit_s was reached; this is the best iterate.
     CANCELLED: The solve was cancelled by its client, by a cancel call or by a server that shuts down; this is the
@@ -146,7 +149,7 @@ class Status(enum.Enum):
     """
 
     SOLVED = "solved"
-    SOLVED_REDUCED = "solved_reduced"
+    ALMOST_SOLVED = "almost_solved"
     ITERATION_LIMIT = "iteration_limit"
     TIME_LIMIT = "time_limit"
     CANCELLED = "cancelled"
@@ -158,7 +161,7 @@ class Status(enum.Enum):
     @property
     def solved(self) -> bool:
         """Whether the point may be used as a solution: to the tolerances, or to 100 × the tolerances."""
-        return self in (Status.SOLVED, Status.SOLVED_REDUCED)
+        return self in (Status.SOLVED, Status.ALMOST_SOLVED)
 
     @property
     def advice(self) -> str:
@@ -169,7 +172,7 @@ class Status(enum.Enum):
 class SolutionKind(enum.Enum):
     """The kind of a solution.
 
-    PROVED_OPTIMAL: No feasible point is better by more than gap_tolerance.
+    PROVED_OPTIMAL: No feasible point is better by more than relative_gap_tolerance.
     OPTIMAL: The optimum of a problem without pairs whose Q is known to be convex, within the tolerances.
     LOCAL_MINIMUM: No point nearby is better. A point on another branch may be better; gap, where it is known,
     bounds by how much.

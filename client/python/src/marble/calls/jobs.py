@@ -90,12 +90,12 @@ class Jobs(OnTransport):
         request = requests.submission(problem_name, Call(options, priority, request_id), coupled=part)
         return self._call("Jobs/Submit", request, _SUBMITTED, deadline)
 
-    def submit_pieces(self, /, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, look_ahead: int = -1,
+    def submit_pieces(self, /, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, overlap: int = -1,
                       options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
                       request_id: str = "", deadline: float | None = None, **settings: Any) -> Submitted:
         """Queues one long problem in pieces, as Client.pieces takes it; pieces() returns the solution."""
         settings, options = coupled.split(settings, options)
-        part = coupled.pieces_encoder(problem, Pieces(stages, pieces, look_ahead), settings)
+        part = coupled.pieces_encoder(problem, Pieces(stages, pieces, overlap), settings)
         request = requests.submission(compiled(problem), Call(options, priority, request_id), coupled=part)
         return self._call("Jobs/Submit", request, _SUBMITTED, deadline)
 

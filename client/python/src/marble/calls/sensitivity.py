@@ -27,7 +27,7 @@ class Sensitivity:
 
     def __init__(self, answer: Solution) -> None:
         s = answer.raise_if_unsolved()
-        self._take(s.problem, (s.z, s.y, s.nu, s.xi, s.eta, s.cold_objective))
+        self._take(s.problem, (s.z, s.y, s.nu, s.xi, s.eta, s.reference_objective))
 
     def _take(self, problem: LCQP, parts: tuple[Any, ...]) -> None:
         self._problem = problem

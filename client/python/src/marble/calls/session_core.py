@@ -27,7 +27,7 @@ from marble.model.solution import Progress, Solution
 
 _PARTS: Final = ("c0", *VECTORS, *VALUES)
 _FIXED: Final = "scaling_passes"  # an option that updates may not change
-_STARTS: Final = (Status.SOLVED, Status.SOLVED_REDUCED, Status.TIME_LIMIT)  # of answers that the next solve starts from
+_STARTS: Final = (Status.SOLVED, Status.ALMOST_SOLVED, Status.TIME_LIMIT)  # of answers that the next solve starts from
 
 
 @dataclass(frozen=True)

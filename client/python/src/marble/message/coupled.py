@@ -73,7 +73,7 @@ def _settings(given: Mapping[str, Any]) -> Any:
 
 
 def _numbers(pieces: Pieces) -> Any:
-    return _message("Pieces", "pieces", "number", {"pieces": pieces.pieces, "look_ahead": pieces.look_ahead})
+    return _message("Pieces", "pieces", "number", {"pieces": pieces.pieces, "overlap": pieces.overlap})
 
 
 def _core_settings(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -132,7 +132,7 @@ class PiecesRequest(Solve[PiecesSolution]):
         lcqp = without_start(compiled(self._problem), "coupled problems")
         chosen, numbers = _core_settings(self._settings), _numbers(self._pieces)
         values = run.core.solve_in_pieces(lcqp, model.stages_of(lcqp, self._pieces), numbers.pieces,
-                                          numbers.look_ahead, core_options(self.call.options), chosen,
+                                          numbers.overlap, core_options(self.call.options), chosen,
                                           run.open_block, run.call(lcqp, self.call, self.report))
         coordination = records.of_core(Coordination, values.pop("coupled"))
         return PiecesSolution(in_terms_of(self._problem, answers.core_solution(values, lcqp)), coordination, "")

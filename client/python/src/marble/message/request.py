@@ -116,7 +116,7 @@ class Run:
         requests.check_progress(call)
         main_thread = threading.get_ident() == threading.main_thread().ident
         s = call.warm_start
-        start = None if s is None else (s.z, s.y, s.nu, s.xi, s.eta, s.cold_objective)
+        start = None if s is None else (s.z, s.y, s.nu, s.xi, s.eta, s.reference_objective)
         rows = None if report is None else lambda *row: report(records.of_core(Progress, row))
         asked = None if call.sensitivity is None else derivatives.asked(call.sensitivity, problem)
         return self.core.Call(check_deadline(self.deadline), rows, call.progress_interval, call.iterate_every,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import keyword
 import math
 import numbers
 import uuid
@@ -52,11 +51,6 @@ def priority_number(priority: Priority | str | None) -> int:
         raise InvalidArgument("priority", rule, value=repr(priority)) from None
 
 
-def _option_name(given: str) -> str:
-    """A name that is a keyword of Python may end in an underscore: global_."""
-    return given[:-1] if given.endswith("_") and keyword.iskeyword(given[:-1]) else given
-
-
 def _check_options(options: object) -> None:
     if options is not None and not isinstance(options, Mapping):
         raise InvalidArgument("options", "must be a mapping of names to values", value=type(options).__name__)
@@ -83,7 +77,7 @@ def merged(options: Mapping[str, Any] | None, by_name: Mapping[str, Any],
         return options
     known = contract.message("SolveOptions").DESCRIPTOR.fields_by_name
     for name in by_name:
-        if _option_name(name) not in known:
+        if name not in known:
             raise _unknown(name, (*ARGUMENTS, *others))
     return {**(options or {}), **by_name}
 
@@ -92,13 +86,12 @@ def options_message(options: Mapping[str, Any] | None) -> Any:
     """SolveOptions by name. The server checks the ranges of the values."""
     message = contract.message("SolveOptions")()
     _check_options(options)
-    for given, value in (options or {}).items():
-        if not isinstance(given, str):
-            raise InvalidArgument("options", "must have strings as names", value=repr(given))
-        name = _option_name(given)
+    for name, value in (options or {}).items():
+        if not isinstance(name, str):
+            raise InvalidArgument("options", "must have strings as names", value=repr(name))
         field = message.DESCRIPTOR.fields_by_name.get(name)
         if field is None:
-            raise _unknown(given)
+            raise _unknown(name)
         if field.enum_type is not None:
             value = _choice(name, value, field.enum_type)
         try:
@@ -192,7 +185,7 @@ def _warm_start(start: Solution) -> Encoder:
     part = Encoder("WarmStart")
     for name, field in SOLUTION_VECTORS.items():
         part.doubles(field, getattr(start, name))
-    part.others(contract.message("WarmStart")(cold_objective=start.cold_objective))
+    part.others(contract.message("WarmStart")(reference_objective=start.reference_objective))
     return part
 
 

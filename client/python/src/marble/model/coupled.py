@@ -37,13 +37,13 @@ class Coupled:
 class Pieces:
     """How one long problem is cut.
 
-    stages: of each variable, from 0 on. pieces: how many, of equal length. look_ahead: stages that each piece looks
+    stages: of each variable, from 0 on. pieces: how many, of equal length. overlap: stages that each piece looks
     ahead while they are first solved one after the other; -1 is a third of a piece, but at least 2.
     """
 
     stages: ArrayLike
     pieces: int
-    look_ahead: int = -1
+    overlap: int = -1
 
 
 @dataclass(frozen=True, eq=False)

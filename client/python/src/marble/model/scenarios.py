@@ -59,9 +59,9 @@ class Scenarios:
     - a list of Quantity: they are drawn by the solver.
 
     seed: of the generators; scenario i is a function of the seed and i alone. weights: of a mapping's scenarios, > 0.
-    first_scenarios, growth, most_scenarios: levels have N = first_scenarios · growth^k scenarios up to the most.
+    initial_sample_size, growth, max_sample_size: levels have N = initial_sample_size · growth^k scenarios up to the most.
     tolerance: ends when the 95 % interval of the out-of-sample cost is this part of it; 0 never, and not before N is
-    least_scenarios, nor while a larger share of these scenarios than without_recourse is infeasible. fresh_scenarios:
+    min_sample_size, nor while a larger share of these scenarios than without_recourse is infeasible. out_of_sample_scenarios:
     in how many out-of-sample scenarios a plan is tried at least.
     """
 
@@ -69,13 +69,13 @@ class Scenarios:
     sampler: Callable[[np.random.Generator], Scenario] | Mapping[str, ArrayLike] | Sequence[Quantity]
     seed: int = 0
     weights: ArrayLike | None = None
-    first_scenarios: int = 1
+    initial_sample_size: int = 1
     growth: float = 2.0
-    most_scenarios: int = 64
+    max_sample_size: int = 64
     tolerance: float = 0.0
-    least_scenarios: int = 8
+    min_sample_size: int = 8
     without_recourse: float = 0.05
-    fresh_scenarios: int = 16
+    out_of_sample_scenarios: int = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,7 @@ class ScenarioLevel:
 
     level: from 0. scenarios: N, those numbered 0 … N − 1. status, detail, objective: of its LCQP; the objective is the
     mean over the N. variables, pairs, factorizations, seconds, memory_bytes: of its LCQP. warm: it kept the branch of
-    the level before. searched: it was solved cold too. fresh: its plan out of sample; None where that was not tried.
+    the level before. searched: it was solved cold too. out_of_sample: its plan out of sample; None where that was not tried.
     """
 
     level: int
@@ -151,7 +151,7 @@ class ScenarioLevel:
     warm: bool
     searched: bool
     memory_bytes: int
-    fresh: OutOfSample | None = None
+    out_of_sample: OutOfSample | None = None
 
 
 @dataclass(eq=False, repr=False)
@@ -222,7 +222,7 @@ def _drawn(problem: LCQP, asked: Scenarios) -> tuple[list[dict[str, Vector]], Ve
     if callable(sampler):
         if asked.weights is not None:
             raise InvalidArgument("weights", "must be None: scenarios of a callable have equal weights")
-        count = int(asked.most_scenarios) + max(int(asked.fresh_scenarios), 0)
+        count = int(asked.max_sample_size) + max(int(asked.out_of_sample_scenarios), 0)
         generators = (np.random.Generator(np.random.Philox(key=asked.seed, counter=[0, 0, 0, i])) for i in range(count))
         return [_differences(problem, sampler(generator), f"scenario[{i}]")
                 for i, generator in enumerate(generators)], np.zeros(0)

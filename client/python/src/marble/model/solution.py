@@ -95,14 +95,14 @@ class Solution:
     objective; violations; kkt_residual: max |Q z + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|.
     stationarity: None where the point is not solved. b_stationary: no feasible direction of descent is left; None
     where that was not decided. second_order: whether the point is a local minimum; None where it is not solved.
-    proved: of option global: z is within gap_tolerance of the bound, or a tree ended infeasible; also, without it, of a
-    certificate, and of a small problem whose tree came to its end within small_budget. Where z of option global is not
+    proved: of option global: z is within relative_gap_tolerance of the bound, or a tree ended infeasible; also, without it, of a
+    certificate, and of a small problem whose tree came to its end within max_small_problem_nodes. Where z of option global is not
     proved, detail says why. bound: no feasible point has an objective below it; -inf where none is known, so of what
-    neither option global nor small_budget has bounded, inf of a problem that is proved infeasible. gap: (objective -
+    neither option global nor max_small_problem_nodes has bounded, inf of a problem that is proved infeasible. gap: (objective -
     bound) / max(1, |objective|), ≥ 0; inf without a feasible point or a bound. nodes, open_nodes: of the tree of option
-    global or small_budget, bounded, and left open at the end. warm_nodes: of a session's last tree, that this one began
+    global or max_small_problem_nodes, bounded, and left open at the end. reused_nodes: of a session's last tree, that this one began
     with instead of the root.
-    iterations, factorizations: counts. times: seconds. options: every option as it was used. cold_objective: what a
+    iterations, factorizations: counts. times: seconds. options: every option as it was used. reference_objective: what a
     cold start last reached on the way here. job_id: the server's.
     problem: what was solved. sensitivity: the derivatives that were requested with the solve; None without.
     conflict: with option explain, the parts that make the problem infeasible; None where it is not proved to be.
@@ -135,12 +135,12 @@ class Solution:
     gap: float = math.inf
     nodes: int
     open_nodes: int
-    warm_nodes: int
+    reused_nodes: int
     iterations: int
     factorizations: int
     times: Times
     options: Mapping[str, float | int | bool | str]
-    cold_objective: float
+    reference_objective: float
     job_id: str
     problem: LCQP
     row_duals: Vector = field(default_factory=lambda: np.zeros(0))
@@ -172,10 +172,10 @@ class Solution:
             second_order="unknown" if self.second_order is None else self.second_order.value,
             objective=self.objective, gap=self.gap,
             feasible=all(violation <= float(limits.get(name, 1e-6)) for violation, name in met),
-            pairs=self.xi.size, factorizations=self.factorizations, starts=int(limits.get("starts", 1)),
-            budget_spent=(self.factorizations >= int(limits.get("local_search_budget", 1000))
+            pairs=self.xi.size, factorizations=self.factorizations, starts=int(limits.get("num_starts", 1)),
+            budget_spent=(self.factorizations >= int(limits.get("max_local_search_factorizations", 1000))
                           and "segments; " not in self.detail),
-            global_search=bool(limits.get("global", False)))
+            global_search=bool(limits.get("global_search", False)))
 
     @property
     def kind(self) -> SolutionKind:
@@ -198,7 +198,7 @@ class Solution:
         return np.asarray(self.problem.R @ self.z + self.problem.r)
 
     def raise_if_unsolved(self) -> Solution:
-        """Itself; raises Unsolved if the status is neither SOLVED nor SOLVED_REDUCED."""
+        """Itself; raises Unsolved if the status is neither SOLVED nor ALMOST_SOLVED."""
         if not self.solved:
             raise Unsolved(self)
         return self
@@ -300,7 +300,7 @@ Options = Mapping[str, Any]
 
 def warn_if_almost(answer: Solution, stacklevel: int = 3) -> None:
     """Warns AlmostSolved of a solution whose status the modelling tool cannot express."""
-    if answer.status is Status.SOLVED_REDUCED:
+    if answer.status is Status.ALMOST_SOLVED:
         worst = max(answer.violations.equality, answer.violations.inequality, answer.violations.complementarity)
         warnings.warn(f"almost solved: violation {worst:.1e}, KKT residual {answer.kkt_residual:.1e}; {answer.detail}",
                       AlmostSolved, stacklevel=stacklevel)

@@ -16,7 +16,7 @@ __all__ = ["SolutionFacts", "SolutionKind"]
 
 _NO_GAP = 1e-6  # up to this gap the text says "proved optimal" alone
 _BY_STATUS = {
-    Status.SOLVED_REDUCED: SolutionKind.ALMOST_SOLVED,
+    Status.ALMOST_SOLVED: SolutionKind.ALMOST_SOLVED,
     Status.INFEASIBLE: SolutionKind.PROVED_INFEASIBLE,
     Status.LOCALLY_INFEASIBLE: SolutionKind.NO_FEASIBLE_POINT,
     Status.UNBOUNDED: SolutionKind.PROVED_UNBOUNDED,
@@ -28,7 +28,7 @@ _BY_STATUS = {
 class SolutionFacts:
     """What the kind of a solution, its text and its advice follow from; second_order as a word, "unknown" without one.
 
-    feasible: the point is within the tolerances. budget_spent: the factorizations have reached local_search_budget,
+    feasible: the point is within the tolerances. budget_spent: the factorizations have reached max_local_search_factorizations,
     which says nothing of an answer by segments, as each of them has that budget.
     starts, global_search: the options starts and global.
     """

@@ -57,7 +57,7 @@ class Answer:
     @property
     def solved(self) -> bool:
         """Whether the tolerances, or the reduced ones, are met."""
-        return self.status in (Status.SOLVED, Status.SOLVED_REDUCED)
+        return self.status in (Status.SOLVED, Status.ALMOST_SOLVED)
 
 
 @dataclass(frozen=True)

@@ -478,7 +478,7 @@ def check(problem: Problem, file: TextIO, path: Path) -> tuple[int, dict[str, An
             objective, point = judge_point(problem, head)
             found.update(point, objective=float(objective), gap=float((objective - min(proved, objective))
                                                                       / max(Fraction(1), abs(objective))))
-            found["optimal"] = found["gap"] <= number(head.get("gap_tolerance"), "gap_tolerance")
+            found["optimal"] = found["gap"] <= number(head.get("relative_gap_tolerance"), "relative_gap_tolerance")
     return ASSUMES if checker.assumed else HOLDS, found
 
 

@@ -10,11 +10,11 @@
 
 namespace marble::server {
 
-class PassedOver {
+class StarvationLimit {
  public:
   using Time = std::chrono::steady_clock::time_point;
 
-  PassedOver(int most_turns, std::chrono::steady_clock::duration longest)
+  StarvationLimit(int most_turns, std::chrono::steady_clock::duration longest)
       : most_turns_(most_turns), longest_(longest) {}
 
   /// Chooses one of those that are able to go, or kPriorities if none is; counts the ones passed over.

@@ -13,7 +13,7 @@
 namespace marble::server::http {
 
 /// Thread-safe.
-class Lobby {
+class PendingConnections {
  public:
   using Guest = std::shared_ptr<Connection>;
   /// Called on this object's thread with each connection whose request has arrived, or as much of it as
@@ -21,10 +21,10 @@ class Lobby {
   using Host = std::function<void(Guest)>;
 
   /// At most `most` wait: beyond that, the one that came first is closed.
-  Lobby(std::size_t most, Host host);
-  ~Lobby();
-  Lobby(const Lobby&) = delete;
-  Lobby& operator=(const Lobby&) = delete;
+  PendingConnections(std::size_t most, Host host);
+  ~PendingConnections();
+  PendingConnections(const PendingConnections&) = delete;
+  PendingConnections& operator=(const PendingConnections&) = delete;
 
   void enter(Guest guest) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Closes all of them, including later ones.

@@ -2,7 +2,7 @@
 // numbers.
 //
 //   marble::ScenarioProblem problem{.base = base.view(), .first_stage = plan};
-//   auto set = marble::set_worlds(problem, marble::ScenarioSampler{.seed = 7, .quantities = {friction}});
+//   auto set = marble::set_scenarios(problem, marble::ScenarioSampler{.seed = 7, .quantities = {friction}});
 #pragma once
 
 #include <cstdint>
@@ -62,14 +62,14 @@ struct ScenarioSampler {
 };
 
 /// Returns the number of this quantity, at position `place` of its sampler, in a scenario.
-[[nodiscard]] double scenario_draw(const ScenarioQuantity& quantity, std::uint64_t seed, std::int64_t world,
-                                   std::uint32_t place);
+[[nodiscard]] double scenario_draw(const ScenarioQuantity& quantity, std::uint64_t seed,
+                                   std::int64_t scenario, std::uint32_t place);
 
 /// Sets `sample` and `scenarios` of a problem whose other parts are set. Errors: those of the problem, and
 /// "samples.entries[2].positions", "samples.values", …. An entry in a row of first-stage variables alone is
 /// refused unless an own_… list names the row.
-[[nodiscard]] Expected<void> set_worlds(ScenarioProblem& problem, const ScenarioTable& table);
+[[nodiscard]] Expected<void> set_scenarios(ScenarioProblem& problem, const ScenarioTable& table);
 /// The same for a sampler. Errors: "sampler.quantities[0].effects[1].gains", ….
-[[nodiscard]] Expected<void> set_worlds(ScenarioProblem& problem, const ScenarioSampler& sampler);
+[[nodiscard]] Expected<void> set_scenarios(ScenarioProblem& problem, const ScenarioSampler& sampler);
 
 }  // namespace marble

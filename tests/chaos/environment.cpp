@@ -1,22 +1,22 @@
-#include "world.h"
+#include "environment.h"
 
 namespace marble::testing {
 
-constexpr std::size_t kMostFaults = 50;  // more tell nothing new
+constexpr std::size_t kMostFaults = 50;  // more report nothing new
 
-void World::next_generation() {
+void Environment::next_generation() {
   const std::scoped_lock lock(mutex_);
   ++generation_;
   changed_.notify_all();
 }
 
-int World::wait_for_server() {
+int Environment::wait_for_server() {
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [this] { return generation_ % 2 == 0; });
   return generation_;
 }
 
-bool World::go_on() {
+bool Environment::go_on() {
   std::unique_lock lock(mutex_);
   if (resting_) {
     ++at_rest_;
@@ -27,26 +27,26 @@ bool World::go_on() {
   return !stopped_;
 }
 
-void World::rest() {
+void Environment::rest() {
   std::unique_lock lock(mutex_);
   resting_ = true;
   changed_.wait(lock, [this] { return at_rest_ == clients_; });
 }
 
-void World::resume() {
+void Environment::resume() {
   const std::scoped_lock lock(mutex_);
   resting_ = false;
   changed_.notify_all();
 }
 
-void World::stop() { stopped_ = true; }
+void Environment::stop() { stopped_ = true; }
 
-void World::fault(const std::string& text) {
+void Environment::fault(const std::string& text) {
   const std::scoped_lock lock(mutex_);
   if (faults_.size() < kMostFaults) faults_.push_back(text);
 }
 
-std::vector<std::string> World::faults() const {
+std::vector<std::string> Environment::faults() const {
   const std::scoped_lock lock(mutex_);
   return faults_;
 }

@@ -11,14 +11,14 @@
 namespace marble::testing {
 
 /// Thread-safe.
-class World {
+class Environment {
  public:
-  World(std::string address, int clients) : address_(std::move(address)), clients_(clients) {}
+  Environment(std::string address, int clients) : address_(std::move(address)), clients_(clients) {}
 
   [[nodiscard]] const std::string& address() const { return address_; }
 
-  /// Even while a server serves, odd from before it is told to stop until the next one answers. A client that
-  /// connected in the generation of now has no excuse for losing its server.
+  /// Even while a server serves, odd from before it is asked to stop until the next one answers. A client
+  /// that connected in the generation of now has no excuse for losing its server.
   [[nodiscard]] int generation() const { return generation_; }
   void next_generation();
   /// Waits until a server serves, and returns its generation.

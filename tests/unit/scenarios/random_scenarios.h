@@ -1,4 +1,4 @@
-// Random base problems with random worlds, for tests of scenario solves.
+// Random base problems with random scenarios, for tests of scenario solves.
 #pragma once
 
 #include <algorithm>
@@ -11,10 +11,10 @@
 
 namespace marble::testing {
 
-/// Every second variable is the plan. A world has other numbers wherever rows are not the plan's alone.
-class RandomWorlds {
+/// Every second variable is the plan. A scenario has other numbers wherever rows are not the plan's alone.
+class RandomScenarios {
  public:
-  explicit RandomWorlds(std::uint64_t seed, HessianForm form = HessianForm::full)
+  explicit RandomScenarios(std::uint64_t seed, HessianForm form = HessianForm::full)
       : base(random_problem(
             {.variables = 10, .equalities = 4, .inequalities = 8, .pairs = 6, .density = 0.15}, seed)),
         seed_(seed) {
@@ -32,7 +32,7 @@ class RandomWorlds {
   }
   [[nodiscard]] bool pair_of_plan(Index row) const { return of_plan(base.L, row) && of_plan(base.R, row); }
 
-  [[nodiscard]] ScenarioNumbers world(std::int64_t number) const {
+  [[nodiscard]] ScenarioNumbers scenario(std::int64_t number) const {
     ScenarioNumbers numbers;
     RandomVectors random(1000 * seed_ + static_cast<std::uint64_t>(number));
     const auto near = [&](const std::vector<double>& values) {
@@ -74,7 +74,7 @@ class RandomWorlds {
     ScenarioProblem result;
     result.base = base.view();
     result.first_stage = first_stage;
-    result.sample = [this](std::int64_t i) -> Expected<ScenarioNumbers> { return world(i); };
+    result.sample = [this](std::int64_t i) -> Expected<ScenarioNumbers> { return scenario(i); };
     return result;
   }
 

@@ -1,5 +1,3 @@
-#include "marble/composite/worlds.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -8,6 +6,7 @@
 #include <utility>
 
 #include "marble/composite/counter_random.h"
+#include "marble/composite/scenarios.h"
 #include "model/text_of.h"
 #include "scenarios/stages.h"
 
@@ -31,14 +30,14 @@ std::size_t size_of(const ProblemView& base, const ScenarioEntries& entries) {
 
 // Calls `visit(k, number)` with a reference to each entry's number in a scenario.
 template <class Visit>
-void each_number(const ProblemView& base, const ScenarioEntries& entries, ScenarioNumbers& world,
+void each_number(const ProblemView& base, const ScenarioEntries& entries, ScenarioNumbers& scenario,
                  const Visit& visit) {
   if (entries.part == ProblemPart::c0) {
-    if (!world.c0) world.c0 = base.c0;
-    visit(std::size_t{0}, *world.c0);
+    if (!scenario.c0) scenario.c0 = base.c0;
+    visit(std::size_t{0}, *scenario.c0);
     return;
   }
-  std::vector<double>& numbers = world.*kParts[static_cast<std::size_t>(entries.part) - 1];
+  std::vector<double>& numbers = scenario.*kParts[static_cast<std::size_t>(entries.part) - 1];
   const std::span<const double> from = base_of(base, entries.part);
   if (numbers.empty()) numbers.assign(from.begin(), from.end());
   for (std::size_t k = 0; k < size_of(base, entries); ++k)
@@ -76,7 +75,7 @@ Expected<void> check_table(const ProblemView& base, const ScenarioTable& table) 
   const std::size_t count = table.values.size() / width;
   if (count == 0 || table.values.size() % width != 0)
     return unexpected(invalid("samples.values", std::to_string(table.values.size()) + " entries",
-                              "must have a row of " + std::to_string(width) + " for each of the worlds"));
+                              "must have a row of " + std::to_string(width) + " for each of the scenarios"));
   if (auto finite = check_finite(table.values, "samples.values"); !finite) return finite;
   if (table.weights.empty()) return {};
   if (auto size = check_size(table.weights.size(), count, "samples.weights"); !size) return size;
@@ -141,10 +140,10 @@ Expected<void> check_entries(ScenarioProblem& problem,
 
 }  // namespace
 
-double scenario_draw(const ScenarioQuantity& quantity, std::uint64_t seed, std::int64_t world,
+double scenario_draw(const ScenarioQuantity& quantity, std::uint64_t seed, std::int64_t scenario,
                      std::uint32_t place) {
   const CounterRandom random(seed);
-  const auto sample = static_cast<std::uint64_t>(world);
+  const auto sample = static_cast<std::uint64_t>(scenario);
   double number = random.uniform(sample, 2 * place);
   if (quantity.distribution != ScenarioDistribution::uniform) {
     const double angle = 2.0 * std::numbers::pi * random.uniform(sample, 2 * place + 1);
@@ -155,7 +154,7 @@ double scenario_draw(const ScenarioQuantity& quantity, std::uint64_t seed, std::
   return std::clamp(number, quantity.least, quantity.most);
 }
 
-Expected<void> set_worlds(ScenarioProblem& problem, const ScenarioTable& table) {
+Expected<void> set_scenarios(ScenarioProblem& problem, const ScenarioTable& table) {
   std::vector<std::pair<ScenarioEntries, std::string>> named;
   for (std::size_t e = 0; e < table.entries.size(); ++e)
     named.emplace_back(table.entries[e], "samples.entries[" + std::to_string(e) + "]");
@@ -165,20 +164,20 @@ Expected<void> set_worlds(ScenarioProblem& problem, const ScenarioTable& table) 
   for (const ScenarioEntries& entries : table.entries) width += size_of(problem.base, entries);
   problem.scenarios = static_cast<std::int64_t>(table.values.size() / width);
   problem.sample = [base = problem.base, table, width](std::int64_t i) -> Expected<ScenarioNumbers> {
-    ScenarioNumbers world;
+    ScenarioNumbers scenario;
     const auto number = static_cast<std::size_t>(i);
     auto row = table.values.subspan(number * width, width);
     for (const ScenarioEntries& entries : table.entries) {
-      each_number(base, entries, world, [&](std::size_t k, double& value) { value = row[k]; });
+      each_number(base, entries, scenario, [&](std::size_t k, double& value) { value = row[k]; });
       row = row.subspan(size_of(base, entries));
     }
-    if (!table.weights.empty()) world.weight = table.weights[number];
-    return world;
+    if (!table.weights.empty()) scenario.weight = table.weights[number];
+    return scenario;
   };
   return {};
 }
 
-Expected<void> set_worlds(ScenarioProblem& problem, const ScenarioSampler& sampler) {
+Expected<void> set_scenarios(ScenarioProblem& problem, const ScenarioSampler& sampler) {
   if (sampler.quantities.empty()) return unexpected(invalid("sampler.quantities", "must be one at least"));
   std::vector<std::pair<ScenarioEntries, std::string>> named;
   for (std::size_t q = 0; q < sampler.quantities.size(); ++q)
@@ -194,16 +193,16 @@ Expected<void> set_worlds(ScenarioProblem& problem, const ScenarioSampler& sampl
       return valid;
   problem.scenarios = std::numeric_limits<std::int64_t>::max();
   problem.sample = [base = problem.base, sampler](std::int64_t i) -> Expected<ScenarioNumbers> {
-    ScenarioNumbers world;
+    ScenarioNumbers scenario;
     for (std::size_t q = 0; q < sampler.quantities.size(); ++q) {
       const ScenarioQuantity& quantity = sampler.quantities[q];
       const double number = scenario_draw(quantity, sampler.seed, i, static_cast<std::uint32_t>(q));
       for (const ScenarioQuantity::Effect& effect : quantity.effects)
-        each_number(base, effect.entries, world, [&](std::size_t k, double& value) {
+        each_number(base, effect.entries, scenario, [&](std::size_t k, double& value) {
           value += number * effect.gains[effect.gains.size() == 1 ? 0 : k];
         });
     }
-    return world;
+    return scenario;
   };
   return {};
 }

@@ -1,4 +1,4 @@
-#include "http/transport/lobby.h"
+#include "http/transport/pending_connections.h"
 
 #include <poll.h>
 #include <sys/eventfd.h>
@@ -9,18 +9,18 @@
 
 namespace marble::server::http {
 
-Lobby::Lobby(std::size_t most, Host host)
+PendingConnections::PendingConnections(std::size_t most, Host host)
     : most_(most),
       host_(std::move(host)),
       bell_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
       thread_([this] { run(); }) {}
 
-Lobby::~Lobby() {
+PendingConnections::~PendingConnections() {
   close();
   ::close(bell_);
 }
 
-void Lobby::close() {
+void PendingConnections::close() {
   {
     const MutexLock lock(mutex_);
     closed_ = true;
@@ -29,7 +29,7 @@ void Lobby::close() {
   if (thread_.joinable()) thread_.join();
 }
 
-void Lobby::enter(Guest guest) {
+void PendingConnections::enter(Guest guest) {
   {
     const MutexLock lock(mutex_);
     if (closed_) return;
@@ -38,12 +38,12 @@ void Lobby::enter(Guest guest) {
   wake();
 }
 
-void Lobby::wake() const {
+void PendingConnections::wake() const {
   const std::uint64_t once = 1;
   static_cast<void>(!::write(bell_, &once, sizeof once));  // a full counter wakes as well
 }
 
-void Lobby::run() {
+void PendingConnections::run() {
   std::vector<Guest> guests;  // in order of arrival
   while (take_newcomers(guests)) {
     guests.erase(
@@ -55,14 +55,14 @@ void Lobby::run() {
   }
 }
 
-bool Lobby::take_newcomers(std::vector<Guest>& guests) {
+bool PendingConnections::take_newcomers(std::vector<Guest>& guests) {
   const MutexLock lock(mutex_);
   for (Guest& guest : newcomers_) guests.push_back(std::move(guest));
   newcomers_.clear();
   return !closed_;
 }
 
-bool Lobby::look_at(const Guest& guest) const {
+bool PendingConnections::look_at(const Guest& guest) const {
   const Connection::Arrival arrival = guest->receive();
   if (arrival == Connection::Arrival::closed) return false;
   const bool late = Clock::now() >= guest->due();
@@ -73,7 +73,7 @@ bool Lobby::look_at(const Guest& guest) const {
   return !late;
 }
 
-void Lobby::wait(const std::vector<Guest>& guests) const {
+void PendingConnections::wait(const std::vector<Guest>& guests) const {
   std::vector<pollfd> entries = {{bell_, POLLIN, 0}};
   Clock::time_point next = Clock::time_point::max();
   for (const Guest& guest : guests) {

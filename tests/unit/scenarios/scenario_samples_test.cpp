@@ -1,6 +1,4 @@
-// Worlds as tables and as random numbers.
-#include "marble/composite/worlds.h"
-
+// Scenarios as tables and as random numbers.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,7 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "scenarios/random_worlds.h"
+#include "marble/composite/scenarios.h"
+#include "scenarios/random_scenarios.h"
 
 namespace marble {
 namespace {
@@ -25,7 +24,7 @@ std::pair<double, double> mean_and_deviation(const ScenarioQuantity& quantity) {
   return {mean, std::sqrt(squares / kDraws - mean * mean)};
 }
 
-TEST(Worlds, AreDrawnFromTheNamedDistribution) {
+TEST(Scenarios, AreDrawnFromTheNamedDistribution) {
   using enum ScenarioDistribution;
   const auto [uniform_mean, uniform_deviation] =
       mean_and_deviation({.distribution = uniform, .location = 2.0, .scale = 6.0});
@@ -41,7 +40,7 @@ TEST(Worlds, AreDrawnFromTheNamedDistribution) {
   EXPECT_NEAR(log_deviation, std::exp(0.125) * std::sqrt(std::exp(0.25) - 1.0), 0.03);
 }
 
-TEST(Worlds, AreClippedToTheirLimits) {
+TEST(Scenarios, AreClippedToTheirLimits) {
   const ScenarioQuantity clipped{.distribution = ScenarioDistribution::normal, .least = -0.5, .most = 0.25};
   double least = 1.0, most = -1.0;
   for (int i = 0; i < 200; ++i) {
@@ -53,7 +52,7 @@ TEST(Worlds, AreClippedToTheirLimits) {
   EXPECT_EQ(most, 0.25);
 }
 
-TEST(Worlds, AreFunctionsOfSeedNumberAndPlaceAlone) {
+TEST(Scenarios, AreFunctionsOfSeedNumberAndPlaceAlone) {
   const ScenarioQuantity quantity{.distribution = ScenarioDistribution::normal};
   const double number = scenario_draw(quantity, 7, 3, 1);
   EXPECT_EQ(scenario_draw(quantity, 7, 3, 1), number);
@@ -62,8 +61,8 @@ TEST(Worlds, AreFunctionsOfSeedNumberAndPlaceAlone) {
   EXPECT_NE(scenario_draw(quantity, 7, 3, 2), number);
 }
 
-TEST(Worlds, OfASamplerAreTheBasePlusGainsTimesTheNumber) {
-  const testing::RandomWorlds random(3);
+TEST(Scenarios, OfASamplerAreTheBasePlusGainsTimesTheNumber) {
+  const testing::RandomScenarios random(3);
   ScenarioProblem problem = random.problem();
   Index row = 0;
   while (random.pair_of_plan(row)) ++row;
@@ -73,36 +72,36 @@ TEST(Worlds, OfASamplerAreTheBasePlusGainsTimesTheNumber) {
       .seed = 9,
       .quantities = {{.effects = {{{ProblemPart::l, places}, one}, {{ProblemPart::c0, {}}, cost}}},
                      {.effects = {{{ProblemPart::c0, {}}, one}}}}};
-  const auto set = set_worlds(problem, sampler);
+  const auto set = set_scenarios(problem, sampler);
   ASSERT_TRUE(set) << set.error().message();
-  const ScenarioNumbers world = problem.sample(4).value();
+  const ScenarioNumbers scenario = problem.sample(4).value();
   const double first = scenario_draw(sampler.quantities[0], 9, 4, 0);
   const double second = scenario_draw(sampler.quantities[1], 9, 4, 1);
-  ASSERT_EQ(world.l.size(), random.base.l.size());
-  EXPECT_EQ(world.l[row], random.base.l[row] + 2.0 * first);
-  EXPECT_EQ(world.c0.value(), random.base.c0 - first + 2.0 * second);
-  EXPECT_TRUE(world.g.empty()) << "what no quantity moves stays as the base has it";
+  ASSERT_EQ(scenario.l.size(), random.base.l.size());
+  EXPECT_EQ(scenario.l[row], random.base.l[row] + 2.0 * first);
+  EXPECT_EQ(scenario.c0.value(), random.base.c0 - first + 2.0 * second);
+  EXPECT_TRUE(scenario.g.empty()) << "what no quantity moves stays as the base has it";
 }
 
-TEST(Worlds, OfATableAreItsRows) {
-  const testing::RandomWorlds random(4);
+TEST(Scenarios, OfATableAreItsRows) {
+  const testing::RandomScenarios random(4);
   ScenarioProblem problem = random.problem();
   const std::vector<Index> places = {1, 3};
   const std::vector<double> values = {10.0, 30.0, 5.0, 11.0, 31.0, 6.0}, weights = {1.0, 2.0};
-  const auto set = set_worlds(
+  const auto set = set_scenarios(
       problem,
       {.entries = {{ProblemPart::g, places}, {ProblemPart::c0, {}}}, .values = values, .weights = weights});
   ASSERT_TRUE(set) << set.error().message();
   EXPECT_EQ(problem.scenarios, 2);
-  const ScenarioNumbers world = problem.sample(1).value();
-  EXPECT_EQ(world.g[1], 11.0);
-  EXPECT_EQ(world.g[3], 31.0);
-  EXPECT_EQ(world.g[0], random.base.g[0]);
-  EXPECT_EQ(world.c0.value(), 6.0);
-  EXPECT_EQ(world.weight, 2.0);
+  const ScenarioNumbers scenario = problem.sample(1).value();
+  EXPECT_EQ(scenario.g[1], 11.0);
+  EXPECT_EQ(scenario.g[3], 31.0);
+  EXPECT_EQ(scenario.g[0], random.base.g[0]);
+  EXPECT_EQ(scenario.c0.value(), 6.0);
+  EXPECT_EQ(scenario.weight, 2.0);
 }
 
-TEST(Worlds, MayNotChangeRowsOfThePlanAloneThatNoListNames) {
+TEST(Scenarios, MayNotChangeRowsOfThePlanAloneThatNoListNames) {
   OwnedProblem base;
   base.g = {1.0, 1.0};
   base.C = compress(2, 2, {{0, 1}, {0, 1}, {1.0, 1.0}}, "C").value();
@@ -113,7 +112,7 @@ TEST(Worlds, MayNotChangeRowsOfThePlanAloneThatNoListNames) {
     problem.base = base.view();
     problem.first_stage = {0};
     problem.own_inequalities = std::move(own);
-    const auto set = set_worlds(problem, {.entries = {{part, places}}, .values = values});
+    const auto set = set_scenarios(problem, {.entries = {{part, places}}, .values = values});
     return set ? std::string("nothing") : set.error().field + std::to_string(set.error().index);
   };
   EXPECT_EQ(field(ProblemPart::d, {}, {}), "samples.entries[0].positions0");
@@ -126,18 +125,18 @@ TEST(Worlds, MayNotChangeRowsOfThePlanAloneThatNoListNames) {
   EXPECT_EQ(field(ProblemPart::d, {1, 1}, {}), "samples.entries[0].positions1");
 }
 
-TEST(Worlds, TellTheirLevelsProgressAsOfOneSolve) {
+TEST(Scenarios, ReportTheirLevelsProgressAsOfOneSolve) {
   class Rows final : public ProgressSink {
    public:
     void report(const Progress& row) override { rows.push_back(without_vectors(row)); }
     std::vector<Progress> rows;
   } sink;
-  const testing::RandomWorlds random(3);
+  const testing::RandomScenarios random(3);
   ScenarioProblem problem = random.problem();
   problem.sample = [&](std::int64_t i) -> Expected<ScenarioNumbers> {
-    return ScenarioNumbers{.g = random.world(i).g};
+    return ScenarioNumbers{.g = random.scenario(i).g};
   };
-  const auto answer = solve_scenarios(problem, {.most_scenarios = 8}, {.progress = &sink});
+  const auto answer = solve_scenarios(problem, {.max_sample_size = 8}, {.progress = &sink});
   ASSERT_TRUE(answer) << answer.error().message();
   ASSERT_FALSE(sink.rows.empty());
   for (std::size_t i = 1; i < sink.rows.size(); ++i) {
