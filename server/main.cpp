@@ -62,20 +62,20 @@ ResultLimits result_limits(const Config& config) {
 }
 
 // Deletes results whose retention time is over.
-class ResultExpiry final : public Pulsed {
+class ResultExpiry final : public TimerListener {
  public:
   explicit ResultExpiry(ResultStore& results) : results_(results) {}
-  void pulse(Clock::time_point now) override { results_.expire(now); }
+  void on_timer(Clock::time_point now) override { results_.expire(now); }
 
  private:
   ResultStore& results_;
 };
 
 // Logs the counts of suppressed lines of clients that no longer log any.
-class SuppressedLines final : public Pulsed {
+class SuppressedLines final : public TimerListener {
  public:
   explicit SuppressedLines(Log& log) : log_(log) {}
-  void pulse(Clock::time_point now) override { log_.report_suppressed(now); }
+  void on_timer(Clock::time_point now) override { log_.report_suppressed(now); }
 
  private:
   Log& log_;
@@ -118,12 +118,12 @@ int check_state(const Config& config) {
 
 // Gives clients that check health time to send their calls elsewhere. A second signal ends this time and the
 // grace period.
-void give_notice(Scheduler& scheduler, Signals& signals, double notice_s) {
-  scheduler.give_notice();
+void announce_shutdown(Scheduler& scheduler, Signals& signals, double notice_s) {
+  scheduler.announce_shutdown();
   const auto end = Clock::now() + duration_of(notice_s);
   int signal = SIGHUP;
   while (signal == SIGHUP) signal = signals.wait_for(end - Clock::now());
-  if (signal != 0) scheduler.hurry();
+  if (signal != 0) scheduler.force_shutdown();
 }
 
 // Returns when every accepted job has its result. A second signal ends the grace period.
@@ -135,7 +135,7 @@ void drain(Scheduler& scheduler, Signals& signals, double grace_s) {
     signals.wake();
   });
   for (int signal = signals.wait(); signal != 0 || !drained; signal = signals.wait()) {
-    if (signal != SIGHUP) scheduler.hurry();
+    if (signal != SIGHUP) scheduler.force_shutdown();
   }
   drainer.join();
 }
@@ -200,11 +200,11 @@ int main(int argc, char** argv) {
   Scheduler& scheduler = *shared_scheduler;
   const auto expiry = std::make_shared<ResultExpiry>(results);
   const auto suppressed_lines = std::make_shared<SuppressedLines>(log);
-  Pulse pulse;  // declared after the objects that it calls, so that it ends first
-  pulse.add(shared_scheduler);
-  pulse.add(expiry);
-  pulse.add(suppressed_lines);
-  ServiceParts parts{*config, access,  log,       metrics,  pulse,       board,
+  Timer timer;  // declared after the objects that it calls, so that it ends first
+  timer.add(shared_scheduler);
+  timer.add(expiry);
+  timer.add(suppressed_lines);
+  ServiceParts parts{*config, access,  log,       metrics,  timer,       board,
                      feeds,   results, scheduler, sessions, connections, calls};
   const auto submissions = begin_submissions(parts, store.get());
   if (!submissions) {
@@ -268,7 +268,7 @@ int main(int argc, char** argv) {
             {"grace_s", config->drain_grace_s}});
   if (config->drain_notice_s > 0.0) {
     set_serving(*listening->server, false);
-    give_notice(scheduler, signals, config->drain_notice_s);
+    announce_shutdown(scheduler, signals, config->drain_notice_s);
   }
   scheduler.close();  // before health reports it: a client that has seen the status is refused for certain
   set_serving(*listening->server, false);

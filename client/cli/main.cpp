@@ -27,7 +27,7 @@ bool is_json_file(const std::string& path) {
 }
 
 // Returns nothing if the other program must run: other commands, help, wrong usage, servers, other files.
-std::optional<int> solve_json_here(int argc, char** argv) {
+std::optional<int> solve_json_locally(int argc, char** argv) {
   if (argc < 2 || std::string_view(argv[1]) != "solve") return std::nullopt;
   CLI::App program;
   const auto arguments = std::make_shared<SolveArguments>();
@@ -43,7 +43,7 @@ std::optional<int> solve_json_here(int argc, char** argv) {
   const auto options = parse_options(arguments->solver);
   if (!options) return option_fails(options.error());
   if (options->explain) return std::nullopt;  // files have names, which the other program reads
-  return solve_files(*arguments, *options, {read_json_problem, solve_here});
+  return solve_files(*arguments, *options, {read_json_problem, solve_locally});
 }
 
 // Returns only on failure.
@@ -63,7 +63,7 @@ int main(int argc, char** argv) {
   using namespace marble::cli;
   std::signal(SIGPIPE, SIG_DFL);  // so that `marble example hopper | head` ends quietly
   try {
-    if (const auto exit_code = solve_json_here(argc, argv)) return *exit_code;
+    if (const auto exit_code = solve_json_locally(argc, argv)) return *exit_code;
   } catch (const std::exception& error) {
     complain(error.what());
     return kBadInput;

@@ -88,7 +88,7 @@ bool Optimality::solves_its_branches(Run& run, std::span<const Index> biactive) 
   for (unsigned branch = 1; branch < 1U << biactive.size(); ++branch) {
     branch_ = base_;
     for (std::size_t k = 0; k < biactive.size(); ++k) {
-      if ((branch >> k & 1U) != 0) branch_.flip(biactive[k]);
+      if ((branch >> k & 1U) != 0) branch_.switch_pair(biactive[k]);
     }
     point_.restore(incumbent_.best().x, branch_);
     const Incumbent::Outcome outcome =

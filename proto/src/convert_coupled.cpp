@@ -52,7 +52,7 @@ void take_settings(const v1::Coupled& message, CoupledOptions& settings) {
   if (message.has_max_iterations()) settings.max_iterations = message.max_iterations();
   if (message.has_freeze_after()) settings.freeze_after = message.freeze_after();
   if (message.has_searches()) settings.searches = message.searches();
-  if (message.has_flips()) settings.flips = message.flips();
+  if (message.has_max_pair_switches()) settings.max_pair_switches = message.max_pair_switches();
   if (message.has_tolerance()) settings.tolerance = message.tolerance();
   if (message.has_joint()) settings.joint = message.joint();
   if (message.has_joint_search()) settings.joint_search = message.joint_search();
@@ -63,7 +63,7 @@ void to_message(const CoupledOptions& settings, v1::Coupled* message) {
   message->set_max_iterations(settings.max_iterations);
   message->set_freeze_after(settings.freeze_after);
   message->set_searches(settings.searches);
-  message->set_flips(settings.flips);
+  message->set_max_pair_switches(settings.max_pair_switches);
   message->set_tolerance(settings.tolerance);
   message->set_joint(settings.joint);
   message->set_joint_search(settings.joint_search);
@@ -77,12 +77,13 @@ void to_message(const Coordination& coordination, double blocks_objective, v1::C
   message->set_step(coordination.last.step);
   message->set_proximal(coordination.last.proximal);
   message->set_frozen_at(coordination.frozen_at);
-  message->set_flips(coordination.flips);
+  message->set_pair_switches(coordination.pair_switches);
   message->set_factorizations(coordination.last.factorizations);
   message->set_blocks_objective(blocks_objective);
   if (coordination.failed_block)
     message->set_failed_block(static_cast<std::int32_t>(*coordination.failed_block));
-  message->mutable_prices()->Assign(coordination.prices.begin(), coordination.prices.end());
+  message->mutable_coupling_multipliers()->Assign(coordination.coupling_multipliers.begin(),
+                                                  coordination.coupling_multipliers.end());
 }
 
 Coordination coordination_of(const v1::CoupledOutcome& message) {
@@ -97,10 +98,11 @@ Coordination coordination_of(const v1::CoupledOutcome& message) {
   coordination.last.frozen = message.frozen_at() > 0;
   coordination.last.factorizations = message.factorizations();
   coordination.frozen_at = message.frozen_at();
-  coordination.flips = message.flips();
+  coordination.pair_switches = message.pair_switches();
   if (message.has_failed_block())
     coordination.failed_block = static_cast<std::size_t>(message.failed_block());
-  coordination.prices.assign(message.prices().begin(), message.prices().end());
+  coordination.coupling_multipliers.assign(message.coupling_multipliers().begin(),
+                                           message.coupling_multipliers().end());
   return coordination;
 }
 
@@ -115,7 +117,7 @@ std::string coupled_core_field(const std::string& message_field) {
   if (!message_field.starts_with(kCoupled)) return message_field;
   std::string field = message_field.substr(kCoupled.size());
   if (field.starts_with(kPieces)) field.erase(0, kPieces.size());
-  if (field == "prices") field.insert(0, kStart);
+  if (field == "coupling_multipliers") field.insert(0, kStart);
   return renamed(field, [](const std::string& part) { return core_field(part); });
 }
 

@@ -246,7 +246,7 @@ ScenarioLevel scenario_level_of(const v1::ScenarioLevel& message) {
   return level;
 }
 
-void to_message(const ScenarioAnswer& answer, v1::ScenarioOutcome* message) {
+void to_message(const ScenarioSolution& answer, v1::ScenarioOutcome* message) {
   message->set_end(static_cast<v1::ScenarioEnd>(static_cast<int>(answer.end) + v1::SCENARIO_END_INTERVAL));
   message->set_scenarios(answer.scenarios);
   message->set_first_stage(static_cast<std::int32_t>(answer.x.size()));
@@ -254,9 +254,9 @@ void to_message(const ScenarioAnswer& answer, v1::ScenarioOutcome* message) {
   for (const ScenarioLevel& level : answer.levels) to_message(level, message->add_levels());
 }
 
-ScenarioAnswer scenario_answer_of(const v1::Solution& message) {
+ScenarioSolution scenario_solution_of(const v1::Solution& message) {
   const v1::ScenarioOutcome& outcome = message.scenarios();
-  ScenarioAnswer answer;
+  ScenarioSolution answer;
   const int end = outcome.end() - v1::SCENARIO_END_INTERVAL;
   const bool known = end >= 0 && end <= static_cast<int>(ScenarioEnd::cancelled);
   answer.end = known ? static_cast<ScenarioEnd>(end) : ScenarioEnd::not_solved;

@@ -48,7 +48,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* ArrayResultsCall::begin(const Servic
   }
   call->StartSendInitialMetadata();
   call->array_->listen(call);
-  parts.pulse.add(call);
+  parts.timer.add(call);
   call->go_on();
   return call.get();
 }
@@ -125,7 +125,7 @@ std::optional<grpc::Status> ArrayResultsCall::ending() {
 }
 
 // Sends results that a drain still finishes; after that there is nothing to wait for.
-void ArrayResultsCall::pulse(Clock::time_point /*now*/) {
+void ArrayResultsCall::on_timer(Clock::time_point /*now*/) {
   if (!parts_.scheduler.is_drained() || !parts_.submissions->is_settled()) return;
   go_on();
   {

@@ -18,7 +18,7 @@ namespace marble::server {
 class ArrayResultsCall final
     : public StreamPump<ArrayResultsCall, grpc::ServerWriteReactor<grpc::ByteBuffer>, grpc::ByteBuffer>,
       public ArrayListener,
-      public Pulsed {
+      public TimerListener {
  public:
   static grpc::ServerWriteReactor<grpc::ByteBuffer>* begin(const ServiceParts& parts,
                                                            grpc::CallbackServerContext& context,
@@ -29,7 +29,7 @@ class ArrayResultsCall final
 
   void news() override { go_on(); }
   // From the timer: drain.
-  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void on_timer(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   explicit ArrayResultsCall(const ServiceParts& parts) : token_(parts.calls), parts_(parts) {}

@@ -4,7 +4,7 @@
 
 namespace marble::server {
 
-void MemoryElements::open_array(StoredJob array, Settled settled) {
+void MemoryElements::open_array(StoredJob array, CompletionCallback settled) {
   {
     const MutexLock lock(mutex_);
     arrays_.try_emplace(array.id);
@@ -12,7 +12,7 @@ void MemoryElements::open_array(StoredJob array, Settled settled) {
   settled({});
 }
 
-void MemoryElements::add_element(StoredElement element, Settled settled) {
+void MemoryElements::add_element(StoredElement element, CompletionCallback settled) {
   {
     const MutexLock lock(mutex_);
     if (const auto found = arrays_.find(element.array); found != arrays_.end())
@@ -31,7 +31,7 @@ Expected<std::string> MemoryElements::element(const std::string& array, std::int
 }
 
 // Nothing is kept for an array that was dropped meanwhile.
-void MemoryElements::answer_element(ElementAnswer answer, Settled settled) {
+void MemoryElements::answer_element(ElementAnswer answer, CompletionCallback settled) {
   {
     const MutexLock lock(mutex_);
     if (const auto found = arrays_.find(answer.array); found != arrays_.end()) {
@@ -62,7 +62,7 @@ Expected<std::vector<ElementAnswer>> MemoryElements::answers_after(const std::st
 }
 
 // Requests of elements that were not solved are not needed any more.
-void MemoryElements::finish(StoredResult result, Settled settled) {
+void MemoryElements::finish(StoredResult result, CompletionCallback settled) {
   {
     const MutexLock lock(mutex_);
     if (const auto found = arrays_.find(result.id); found != arrays_.end()) found->second.requests.clear();

@@ -11,26 +11,26 @@ namespace marble::server {
 /// Every change is done at once. Thread-safe.
 class MemoryElements final : public ElementStore {
  public:
-  void open_array(StoredJob array, Settled settled) override ABSL_LOCKS_EXCLUDED(mutex_);
-  void add_element(StoredElement element, Settled settled) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void open_array(StoredJob array, CompletionCallback settled) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void add_element(StoredElement element, CompletionCallback settled) override ABSL_LOCKS_EXCLUDED(mutex_);
   void seal_array(const std::string& /*id*/, std::int64_t /*elements*/, const std::string& /*digest*/,
-                  Settled settled) override {
+                  CompletionCallback settled) override {
     settled({});
   }
   [[nodiscard]] Expected<std::string> element(const std::string& array, std::int64_t index) override
       ABSL_LOCKS_EXCLUDED(mutex_);
-  void answer_element(ElementAnswer answer, Settled settled) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void answer_element(ElementAnswer answer, CompletionCallback settled) override ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Expected<std::vector<ElementAnswer>> answers_after(const std::string& array,
                                                                    std::int64_t after,
                                                                    std::int64_t most_bytes) override
       ABSL_LOCKS_EXCLUDED(mutex_);
-  void finish(StoredResult result, Settled settled) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void finish(StoredResult result, CompletionCallback settled) override ABSL_LOCKS_EXCLUDED(mutex_);
   void cancel(const std::string& /*id*/) override {}
   void forget(const std::string& id) override ABSL_LOCKS_EXCLUDED(mutex_);
   void began(const JobStart& /*start*/) override {}
   void ended(const std::string& /*id*/) override {}
   [[nodiscard]] bool is_durable() const override { return false; }
-  void when_settled(Settled settled) override { settled({}); }
+  void when_settled(CompletionCallback settled) override { settled({}); }
 
  private:
   struct Kept {

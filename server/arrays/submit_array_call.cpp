@@ -24,7 +24,7 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SubmitArrayCall::be
   }
   call->caller_ = std::move(*caller);
   call->caller_.deadline = Clock::time_point::max();  // the call's deadline is not the array's
-  parts.pulse.add(call);
+  parts.timer.add(call);
   call->go_on();
   return call.get();
 }
@@ -97,7 +97,7 @@ void SubmitArrayCall::refuse(const Error& error) {
   note_refusal(parts_, caller_.origin, error);
 }
 
-void SubmitArrayCall::pulse(Clock::time_point /*now*/) {
+void SubmitArrayCall::on_timer(Clock::time_point /*now*/) {
   if (!parts_.scheduler.is_closed()) return;
   {
     const MutexLock lock(mutex_);

@@ -16,14 +16,14 @@ namespace marble::server {
 class SubmitArrayCall final
     : public StreamPump<SubmitArrayCall, grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
                         v1::SubmitArrayResponse>,
-      public Pulsed {
+      public TimerListener {
  public:
   static grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* begin(
       const ServiceParts& parts, grpc::CallbackServerContext& context);
 
   void OnReadDone(bool ok) override { read_done(ok); }
   // From the timer: drain.
-  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void on_timer(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   explicit SubmitArrayCall(const ServiceParts& parts) : token_(parts.calls), parts_(parts) {}

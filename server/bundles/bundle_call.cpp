@@ -38,7 +38,7 @@ Expected<void> BundleCall::start(const grpc::ByteBuffer* request) {
   v1::JobBundleRequest message;
   if (auto parsed = parse(request, &message); !parsed) return parsed;
   const auto self = self_;  // gRPC may be done with the call before this returns
-  parts_.pulse.add(self);
+  parts_.timer.add(self);
   gather_bundle(parts_, *caller, message.job_id(),
                 [self](const Expected<GatheredBundle>& bundle) { self->gathered(bundle); });
   return {};
@@ -58,7 +58,7 @@ void BundleCall::gathered(const Expected<GatheredBundle>& bundle) {
 
 // The place is released as soon as the client is too slow. The error follows the piece in transit; a client
 // that does not read that either is disconnected.
-void BundleCall::pulse(Clock::time_point now) {
+void BundleCall::on_timer(Clock::time_point now) {
   bool cuts = false;
   {
     const MutexLock lock(mutex_);

@@ -14,14 +14,14 @@ namespace marble::server {
 /// complete.
 class BundleCall final
     : public StreamPump<BundleCall, grpc::ServerWriteReactor<grpc::ByteBuffer>, v1::JobBundleResponse>,
-      public Pulsed {
+      public TimerListener {
  public:
   static grpc::ServerWriteReactor<grpc::ByteBuffer>* begin(const ServiceParts& parts,
                                                            grpc::CallbackServerContext& context,
                                                            const grpc::ByteBuffer* request);
 
   // From the timer: a drain, or a client that reads nothing.
-  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void on_timer(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   BundleCall(const ServiceParts& parts, grpc::CallbackServerContext& context)

@@ -53,7 +53,7 @@ void gather_bundle(const ServiceParts& parts, const Identity& caller, const std:
   }
   make_anonymous(&bundle->facts);
   const bool finished = job->job().state() == v1::JOB_STATE_FINISHED;
-  parts.submissions->recall(id, finished, [bundle, then](Expected<AskedAndAnswered> both) {
+  parts.submissions->fetch_pair(id, finished, [bundle, then](Expected<AskedAndAnswered> both) {
     if (!both) return then(unexpected(both.error()));
     bundle->request = std::move(both->request);
     bundle->answer = std::move(both->answer);

@@ -32,7 +32,7 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* BatchCall::begin(
     return call.get();
   }
   call->caller_ = std::move(*caller);
-  parts.pulse.add(call);
+  parts.timer.add(call);
   call->go_on();
   return call.get();
 }
@@ -156,7 +156,7 @@ void BatchCall::gone() {
   for (const auto& job : jobs) parts_.scheduler.cancel(job);
 }
 
-void BatchCall::pulse(Clock::time_point /*now*/) {
+void BatchCall::on_timer(Clock::time_point /*now*/) {
   if (!parts_.scheduler.is_closed()) return;
   {
     const MutexLock lock(mutex_);

@@ -21,7 +21,7 @@ class BatchCall final
     : public StreamPump<BatchCall, grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
                         grpc::ByteBuffer>,
       public RoomWaiter,
-      public Pulsed {
+      public TimerListener {
  public:
   static grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* begin(
       const ServiceParts& parts, grpc::CallbackServerContext& context);
@@ -30,7 +30,7 @@ class BatchCall final
   // From the scheduler.
   void room() override ABSL_LOCKS_EXCLUDED(mutex_);
   // From the timer: drain.
-  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void on_timer(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   class Item;

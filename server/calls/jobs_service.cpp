@@ -17,7 +17,7 @@ namespace {
 // First refreshes this server's state of the job that a request names, or of all jobs. A request that cannot
 // be parsed ends here: each further parse would make protobuf log the same error again.
 template <class Request>
-void look_at(const ServiceParts& parts, const grpc::ByteBuffer& bytes, Settled then) {
+void look_at(const ServiceParts& parts, const grpc::ByteBuffer& bytes, CompletionCallback then) {
   std::string id;
   if constexpr (requires(Request request) { request.job_id(); }) {
     Request request;
@@ -82,14 +82,14 @@ grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* conte
     return caller;
   };
   const auto handle = [&](const Caller& caller, v1::SolveRequest& parsed, v1::SubmitResponse* out,
-                          Origin& origin) -> Expected<Afterwards> {
+                          Origin& origin) -> Expected<OnFinished> {
     const auto message = std::make_shared<v1::SolveRequest>();
     message->Swap(&parsed);
     origin.request_id = message->request_id();
     auto submitted = parts_.submissions->submit(caller, message, out);
     if (!submitted) return reported(origin, submitted.error());
     if (!*submitted) return submitted;
-    return [this, origin, wait = std::move(*submitted)](const Settled& settled) {
+    return [this, origin, wait = std::move(*submitted)](const CompletionCallback& settled) {
       wait([this, origin, settled](const Expected<void>& ended) {
         if (!ended) note_refusal(parts_, origin, ended.error());
         settled(ended);
@@ -103,7 +103,7 @@ grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* conte
 grpc::ServerUnaryReactor* JobsService::Delete(grpc::CallbackServerContext* context,
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
   const auto handle = [&](const Identity& caller, const v1::DeleteJobRequest& message, v1::DeleteJobResponse*,
-                          const Origin&) -> Expected<Afterwards> {
+                          const Origin&) -> Expected<OnFinished> {
     return parts_.submissions->remove(caller, message.job_id());
   };
   return answer<v1::DeleteJobRequest, v1::DeleteJobResponse>(parts_, context, request, response,
@@ -134,7 +134,7 @@ grpc::ServerUnaryReactor* JobsService::Get(grpc::CallbackServerContext* context,
 grpc::ServerUnaryReactor* JobsService::Cancel(grpc::CallbackServerContext* context,
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
   const auto handle = [&](const Identity& caller, const v1::CancelJobRequest& message,
-                          v1::CancelJobResponse* out, const Origin&) -> Expected<Afterwards> {
+                          v1::CancelJobResponse* out, const Origin&) -> Expected<OnFinished> {
     return parts_.submissions->cancel(caller, message.job_id(), out);
   };
   return answer<v1::CancelJobRequest, v1::CancelJobResponse>(parts_, context, request, response,

@@ -41,7 +41,7 @@ Expected<void> ResultCall::wait(grpc::CallbackServerContext& context, const grpc
         failure(ErrorCode::failed_precondition, "job_id", id_, "has not finished; wait, or come back"));
   }
   parts_.results.wait(id_, this, [call = self_](const ResultStore::Shared& result) { call->answer(result); });
-  parts_.pulse.add(self_);
+  parts_.timer.add(self_);
   return {};
 }
 
@@ -68,7 +68,7 @@ void ResultCall::OnCancel() {
 void ResultCall::OnDone() { const auto last = std::move(self_); }
 
 // Sends results of the jobs that a drain still finishes; after that there is nothing to wait for.
-void ResultCall::pulse(Clock::time_point /*now*/) {
+void ResultCall::on_timer(Clock::time_point /*now*/) {
   if (!parts_.scheduler.is_drained() || finished_) return;
   if (!parts_.submissions->is_settled()) return;
   parts_.results.stop_waiting(id_, this);

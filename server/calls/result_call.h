@@ -12,7 +12,7 @@ namespace marble::server {
 
 /// Owns itself until gRPC is done with it; the store that will call it back owns it too, until the result
 /// exists.
-class ResultCall final : public grpc::ServerUnaryReactor, public Pulsed {
+class ResultCall final : public grpc::ServerUnaryReactor, public TimerListener {
  public:
   static grpc::ServerUnaryReactor* begin(const ServiceParts& parts, grpc::CallbackServerContext& context,
                                          const grpc::ByteBuffer* request, grpc::ByteBuffer* response);
@@ -21,7 +21,7 @@ class ResultCall final : public grpc::ServerUnaryReactor, public Pulsed {
   void OnCancel() override;
   void OnDone() override;
   // From the timer: drain.
-  void pulse(Clock::time_point now) override;
+  void on_timer(Clock::time_point now) override;
 
  private:
   ResultCall(const ServiceParts& parts, grpc::ByteBuffer* response) : parts_(parts), response_(response) {}

@@ -20,7 +20,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const Service
   if (const auto admitted = call->admit(request, context, origin, made); !admitted) {
     call->end_at_once(refused(parts, origin, admitted.error()));
   } else {
-    parts.pulse.add(call);
+    parts.timer.add(call);
     call->go_on();
   }
   return call.get();
@@ -96,7 +96,7 @@ void SolveStreamCall::gone() {
   if (job_ != nullptr) parts_.scheduler.cancel(job_);
 }
 
-void SolveStreamCall::pulse(Clock::time_point /*now*/) { go_on(); }
+void SolveStreamCall::on_timer(Clock::time_point /*now*/) { go_on(); }
 
 // A worker may take the job, and even finish it, before its place is known: nothing is sent before
 // "accepted".

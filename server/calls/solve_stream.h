@@ -21,7 +21,7 @@ class SolveStreamCall final
     : public StreamPump<SolveStreamCall, grpc::ServerWriteReactor<grpc::ByteBuffer>, v1::SolveStreamResponse>,
       public JobObserver,
       public ProgressSink,
-      public Pulsed {
+      public TimerListener {
  public:
   /// The field that a request of many problems must have, for a method that takes only such requests.
   struct Made {
@@ -41,7 +41,7 @@ class SolveStreamCall final
   void report(const Progress& progress) override ABSL_LOCKS_EXCLUDED(mutex_);
   void finished(Outcome outcome) override ABSL_LOCKS_EXCLUDED(mutex_);
   // From the timer: rows that wait for others.
-  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void on_timer(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   explicit SolveStreamCall(const ServiceParts& parts) : parts_(parts) {}

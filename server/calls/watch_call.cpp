@@ -18,7 +18,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchCall::begin(const ServiceParts&
     return call.get();
   }
   call->StartSendInitialMetadata();  // a client that waits for it misses no later event
-  parts.pulse.add(call);
+  parts.timer.add(call);
   call->go_on();
   return call.get();
 }
@@ -37,7 +37,7 @@ Expected<void> WatchCall::start(grpc::CallbackServerContext& context, const grpc
   return {};
 }
 
-void WatchCall::pulse(Clock::time_point /*now*/) { go_on(); }
+void WatchCall::on_timer(Clock::time_point /*now*/) { go_on(); }
 
 bool WatchCall::next_event(v1::WatchJobsResponse* event) {
   drained_ = parts_.scheduler.is_drained();

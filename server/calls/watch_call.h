@@ -14,14 +14,14 @@ namespace marble::server {
 /// Owns itself until gRPC is done with it.
 class WatchCall final
     : public StreamPump<WatchCall, grpc::ServerWriteReactor<grpc::ByteBuffer>, v1::WatchJobsResponse>,
-      public Pulsed {
+      public TimerListener {
  public:
   static grpc::ServerWriteReactor<grpc::ByteBuffer>* begin(const ServiceParts& parts,
                                                            grpc::CallbackServerContext& context,
                                                            const grpc::ByteBuffer* request);
 
   // From the timer.
-  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void on_timer(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   explicit WatchCall(const ServiceParts& parts) : parts_(parts) {}

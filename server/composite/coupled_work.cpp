@@ -64,9 +64,11 @@ using Work = std::function<Expected<Solution>(const CoupledControls&, Reported&)
 Work blocks_work(const v1::SolveRequest& request, const CoupledOptions& settings) {
   return [&request, settings](const CoupledControls& given, Reported& reported) -> Expected<Solution> {
     const CoupledView view = coupled_of(request.coupled());
-    const CoupledStart start{{request.coupled().prices().begin(), request.coupled().prices().end()}, {}};
+    const CoupledStart start{
+        {request.coupled().coupling_multipliers().begin(), request.coupled().coupling_multipliers().end()},
+        {}};
     CoupledControls controls = given;
-    if (!start.prices.empty()) controls.start = &start;
+    if (!start.coupling_multipliers.empty()) controls.start = &start;
     auto solved = solve_coupled(view, settings, controls);
     if (!solved) return unexpected(as_in_message(solved.error()));
     solved->coordination.answers.clear();
@@ -81,8 +83,9 @@ Expected<Work> pieces_work(const Config& config, const v1::SolveRequest& request
   const v1::Pieces& pieces = request.coupled().pieces();
   PiecesOptions options{.coupled = settings, .pieces = pieces.pieces()};
   if (pieces.has_overlap()) options.overlap = pieces.overlap();
-  if (request.coupled().total_size() > 0 || request.coupled().prices_size() > 0)
-    return unexpected(invalid("coupled.pieces", "must be alone: total and prices are of blocks"));
+  if (request.coupled().total_size() > 0 || request.coupled().coupling_multipliers_size() > 0)
+    return unexpected(
+        invalid("coupled.pieces", "must be alone: total and coupling_multipliers are of blocks"));
   if (auto fits = check_count(config, options.pieces, "coupled.pieces.pieces", " pieces"); !fits)
     return unexpected(fits.error());
   const std::span stages(pieces.stages().data(), static_cast<std::size_t>(pieces.stages_size()));
@@ -124,10 +127,11 @@ Expected<BlockPlace> check_blocks(const Config& config, const v1::SolveRequest& 
   const CoupledView view = coupled_of(request.coupled());
   if (auto valid = check(view); !valid) return unexpected(as_in_message(valid.error()));
   if (auto fits = check_rows(config, view); !fits) return unexpected(fits.error());
-  const auto& prices = request.coupled().prices();
-  if (!prices.empty()) {
-    const std::span numbers(prices.data(), static_cast<std::size_t>(prices.size()));
-    if (auto valid = check_numbers(numbers, view.total.size(), "coupled.prices"); !valid)
+  const auto& coupling_multipliers = request.coupled().coupling_multipliers();
+  if (!coupling_multipliers.empty()) {
+    const std::span numbers(coupling_multipliers.data(),
+                            static_cast<std::size_t>(coupling_multipliers.size()));
+    if (auto valid = check_numbers(numbers, view.total.size(), "coupled.coupling_multipliers"); !valid)
       return unexpected(valid.error());
   }
   BlockPlace sizes = joint_places(view).back();

@@ -66,7 +66,7 @@ Expected<void> set_scenario_work(const Config& config, std::shared_ptr<const v1:
   if (auto valid = check_scenarios(problem, settings); !valid) return unexpected(named(valid.error()));
   if (auto fits = check_size(config, problem, settings); !fits) return unexpected(named(fits.error()));
   settings.level = [record = job.record](const ScenarioLevel& level) { record->add_level(level); };
-  const auto answer = std::make_shared<ScenarioAnswer>();
+  const auto answer = std::make_shared<ScenarioSolution>();
   job.also = [answer](v1::Solution* solution) { to_message(*answer, solution->mutable_scenarios()); };
   // The problem borrows the message's arrays.
   job.work =

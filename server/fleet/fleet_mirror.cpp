@@ -76,7 +76,7 @@ void FleetMirror::wait(milliseconds patience) {
   }
 }
 
-void FleetMirror::look(const std::string& id, Settled then) {
+void FleetMirror::look(const std::string& id, CompletionCallback then) {
   Expected<void> well;
   {
     const MutexLock lock(mutex_);
@@ -103,13 +103,13 @@ void FleetMirror::fetch(const std::string& id) {
   ring();
 }
 
-void FleetMirror::recall(const std::string& id, std::function<void(Expected<AskedAndAnswered>)> then) {
+void FleetMirror::fetch_pair(const std::string& id, std::function<void(Expected<AskedAndAnswered>)> then) {
   Expected<void> well;
   {
     const MutexLock lock(mutex_);
     well = closing_ ? unexpected(draining()) : well_;
     if (well) {
-      asked_.recalls.push_back({id, std::move(then)});
+      asked_.pair_fetches.push_back({id, std::move(then)});
       ring();
       return;
     }
@@ -125,7 +125,8 @@ void FleetMirror::read_anew(const std::string& id) {
 
 bool FleetMirror::is_settled() const {
   const MutexLock lock(mutex_);
-  return !well_ || (!working_ && asked_.looks.empty() && asked_.fetches.empty() && asked_.recalls.empty());
+  return !well_ ||
+         (!working_ && asked_.looks.empty() && asked_.fetches.empty() && asked_.pair_fetches.empty());
 }
 
 void FleetMirror::close() {
@@ -166,9 +167,9 @@ void FleetMirror::run() {
     Expected<void> done = reported ? attempt(asked) : unexpected(reported.error());
     set_well(done);
     for (const Look& look : asked.looks) report(look, done);
-    for (const Recall& recall : asked.recalls) {
-      auto both = done ? read_both(recall.id) : unexpected(done.error());
-      recall.then(std::move(both));
+    for (const PairFetch& fetch_pair : asked.pair_fetches) {
+      auto both = done ? read_both(fetch_pair.id) : unexpected(done.error());
+      fetch_pair.then(std::move(both));
     }
     if (is_closing()) break;
     if (!done) {
@@ -180,7 +181,7 @@ void FleetMirror::run() {
   // Requests that arrived between the last round and now.
   const Asked late = take();
   for (const Look& look : late.looks) report(look, {});
-  for (const Recall& recall : late.recalls) recall.then(unexpected(draining()));
+  for (const PairFetch& fetch_pair : late.pair_fetches) fetch_pair.then(unexpected(draining()));
 }
 
 // No exception ends the thread, and with it the server.

@@ -48,11 +48,11 @@ class FleetMirror {
   /// Waits until the store was read once, or for `patience`.
   void wait(std::chrono::milliseconds patience) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Submissions::look(). Calls back at once if the store cannot be reached.
-  void look(const std::string& id, Settled then) ABSL_LOCKS_EXCLUDED(mutex_);
+  void look(const std::string& id, CompletionCallback then) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Passes the result to the result store, as soon as it can.
   void fetch(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Submissions::recall().
-  void recall(const std::string& id, std::function<void(Expected<AskedAndAnswered>)> then)
+  /// Submissions::fetch_pair().
+  void fetch_pair(const std::string& id, std::function<void(Expected<AskedAndAnswered>)> then)
       ABSL_LOCKS_EXCLUDED(mutex_);
   /// This server's state of the job differs from the store's: reads it again.
   void read_anew(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
@@ -64,15 +64,15 @@ class FleetMirror {
  private:
   struct Look {
     std::string id;
-    Settled then;
+    CompletionCallback then;
   };
-  struct Recall {
+  struct PairFetch {
     std::string id;
     std::function<void(Expected<AskedAndAnswered>)> then;
   };
   struct Asked {
     std::vector<Look> looks;
-    std::vector<Recall> recalls;
+    std::vector<PairFetch> pair_fetches;
     std::vector<std::string> fetches;
     std::vector<std::string> anew;
   };

@@ -65,12 +65,12 @@ FleetStore::FleetStore(std::string uri, std::string server, const FleetLimits& l
       changes_(
           log, [this](std::vector<Change>& changes) { return write(changes); }, kTick) {}
 
-void FleetStore::add(std::shared_ptr<FleetJob> job, Settled settled) {
+void FleetStore::add(std::shared_ptr<FleetJob> job, CompletionCallback settled) {
   looks_ = true;
   changes_.ask({.kind = Kind::add, .job = std::move(job), .settled = std::move(settled)});
 }
 
-void FleetStore::finish(StoredResult result, const std::string& token, Settled settled) {
+void FleetStore::finish(StoredResult result, const std::string& token, CompletionCallback settled) {
   changes_.ask(
       {.kind = Kind::finish, .result = std::move(result), .token = token, .settled = std::move(settled)});
 }
@@ -79,11 +79,11 @@ void FleetStore::release(const std::string& id, const std::string& token) {
   changes_.ask({.kind = Kind::release, .result = {.id = id}, .token = token});
 }
 
-void FleetStore::cancel(StoredResult if_waiting, Settled settled) {
+void FleetStore::cancel(StoredResult if_waiting, CompletionCallback settled) {
   changes_.ask({.kind = Kind::cancel, .result = std::move(if_waiting), .settled = std::move(settled)});
 }
 
-void FleetStore::forget(const std::string& id, Settled settled) {
+void FleetStore::forget(const std::string& id, CompletionCallback settled) {
   changes_.ask({.kind = Kind::forget, .result = {.id = id}, .settled = std::move(settled)});
 }
 

@@ -87,14 +87,14 @@ class FleetStore {
   FleetStore(std::string uri, std::string server, const FleetLimits& limits, const Log& log,
              FleetTaker& taker);
 
-  void add(std::shared_ptr<FleetJob> job, Settled settled);
+  void add(std::shared_ptr<FleetJob> job, CompletionCallback settled);
   /// Writes nothing if the token is no longer valid. Retried until it is written: then `settled` is called.
-  void finish(StoredResult result, const std::string& token, Settled settled);
+  void finish(StoredResult result, const std::string& token, CompletionCallback settled);
   /// The job waits again, for any server.
   void release(const std::string& id, const std::string& token);
   /// Gives a waiting job this result, and asks the server of a running one to end it.
-  void cancel(StoredResult if_waiting, Settled settled);
-  void forget(const std::string& id, Settled settled);
+  void cancel(StoredResult if_waiting, CompletionCallback settled);
+  void forget(const std::string& id, CompletionCallback settled);
 
   /// There may be jobs to take.
   void look_for_jobs();
@@ -111,7 +111,7 @@ class FleetStore {
     std::shared_ptr<FleetJob> job = {};
     StoredResult result = {};
     std::string token = {};
-    Settled settled = {};
+    CompletionCallback settled = {};
     [[nodiscard]] static bool is_change() { return true; }
     [[nodiscard]] bool is_patient() const { return is_lasting(); }
     [[nodiscard]] bool is_lasting() const { return kind == Kind::finish || kind == Kind::release; }

@@ -104,7 +104,7 @@ void FleetSubmissions::close() {
   mirror_.close();
 }
 
-Expected<Afterwards> FleetSubmissions::submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
+Expected<OnFinished> FleetSubmissions::submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
                                               v1::SubmitResponse* response) {
   if (parts_.scheduler.is_closed()) return unexpected(draining());
   if (auto well = health(); !well) return unexpected(not_kept(well.error()));
@@ -130,7 +130,7 @@ Expected<Afterwards> FleetSubmissions::submit(const Caller& caller, std::shared_
   if (what.client.find('\0') != std::string::npos || utf8(what.client) != what.client)
     return unexpected(
         invalid("client", "must be named in UTF-8, without a zero byte, where others share its jobs"));
-  return [this, job, response](const Settled& settled) {
+  return [this, job, response](const CompletionCallback& settled) {
     store_.add(job, [job, response, settled](const Expected<void>& made) {
       if (!made) return settled(unexpected(not_kept(made.error())));
       if (!job->id) return settled(unexpected(job->id.error()));
@@ -141,7 +141,7 @@ Expected<Afterwards> FleetSubmissions::submit(const Caller& caller, std::shared_
   };
 }
 
-Expected<Afterwards> FleetSubmissions::cancel(const Identity& caller, const std::string& id,
+Expected<OnFinished> FleetSubmissions::cancel(const Identity& caller, const std::string& id,
                                               v1::CancelJobResponse* response) {
   const auto record = find_job(parts_.board, caller, id);
   if (!record) return unexpected(record.error());
@@ -149,14 +149,14 @@ Expected<Afterwards> FleetSubmissions::cancel(const Identity& caller, const std:
   if ((*record)->description().kind != JobKind::submitted || (*record)->is_finished()) {
     if (auto reported = cancel_job(parts_.board, caller, id, response); !reported)
       return unexpected(reported.error());
-    return Afterwards();
+    return OnFinished();
   }
   // The result if the job still waits: no server runs it, so none writes one.
   const auto ended = parts_.board.make((*record)->description(), (*record)->options());
   Outcome outcome{.solution = unexpected(failure(ErrorCode::cancelled, "given up while the job waited"))};
   ended->finished(outcome.solution, 0.0, 0.0);
   StoredResult stored = result_of(*ended, outcome).stored;
-  return [this, record = *record, response, stored = std::move(stored)](const Settled& settled) {
+  return [this, record = *record, response, stored = std::move(stored)](const CompletionCallback& settled) {
     store_.cancel(stored, [this, record, response, settled](const Expected<void>& made) {
       if (!made) return settled(unexpected(made.error()));
       if (has(record->id())) record->cancel();
@@ -168,11 +168,11 @@ Expected<Afterwards> FleetSubmissions::cancel(const Identity& caller, const std:
   };
 }
 
-Expected<Afterwards> FleetSubmissions::remove(const Identity& caller, const std::string& id) {
+Expected<OnFinished> FleetSubmissions::remove(const Identity& caller, const std::string& id) {
   const std::string owner = parts_.results.owner(id);
   if (owner.empty() || !may_see(caller, owner)) return unexpected(no_such_job(id));
   if (!may_end(caller, owner)) return unexpected(not_to_end(id));
-  return [this, id](const Settled& settled) {
+  return [this, id](const CompletionCallback& settled) {
     store_.forget(id, [this, settled](const Expected<void>& made) {
       if (!made) return settled(made);
       look("", settled);
@@ -183,7 +183,7 @@ Expected<Afterwards> FleetSubmissions::remove(const Identity& caller, const std:
 // As many as can begin at once. If other jobs keep the workers busy, one more, which then waits with them
 // for its turn.
 FleetTaker::Room FleetSubmissions::room() {
-  if (parts_.scheduler.is_leaving()) return {};
+  if (parts_.scheduler.is_draining()) return {};
   const int free = parts_.scheduler.free_workers();
   const MutexLock lock(mutex_);
   if (free >= 0)

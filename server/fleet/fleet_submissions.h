@@ -22,15 +22,15 @@ class FleetSubmissions final : public Submissions, FleetTaker, FleetOwner {
   FleetSubmissions(const FleetSubmissions&) = delete;
   FleetSubmissions& operator=(const FleetSubmissions&) = delete;
 
-  [[nodiscard]] Expected<Afterwards> submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
+  [[nodiscard]] Expected<OnFinished> submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
                                             v1::SubmitResponse* response) override;
-  [[nodiscard]] Expected<Afterwards> cancel(const Identity& caller, const std::string& id,
+  [[nodiscard]] Expected<OnFinished> cancel(const Identity& caller, const std::string& id,
                                             v1::CancelJobResponse* response) override;
-  [[nodiscard]] Expected<Afterwards> remove(const Identity& caller, const std::string& id) override;
-  void look(const std::string& id, Settled then) override { mirror_.look(id, std::move(then)); }
-  void recall(const std::string& id, bool /*finished*/,
-              std::function<void(Expected<AskedAndAnswered>)> then) override {
-    mirror_.recall(id, std::move(then));
+  [[nodiscard]] Expected<OnFinished> remove(const Identity& caller, const std::string& id) override;
+  void look(const std::string& id, CompletionCallback then) override { mirror_.look(id, std::move(then)); }
+  void fetch_pair(const std::string& id, bool /*finished*/,
+                  std::function<void(Expected<AskedAndAnswered>)> then) override {
+    mirror_.fetch_pair(id, std::move(then));
   }
   [[nodiscard]] Expected<void> health() const override { return store_.health(); }
   [[nodiscard]] std::optional<StoreUsage> usage() const override { return store_.usage(); }

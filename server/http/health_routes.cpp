@@ -13,7 +13,7 @@ void add_health_routes(Router& router, const ServiceParts& parts, const std::vec
     response.set_content("ok\n", kText);
   });
   router.get("/readyz", [&parts, listeners](const httplib::Request&, httplib::Response& response) {
-    const bool leaving = parts.scheduler.is_leaving();
+    const bool leaving = parts.scheduler.is_draining();
     const bool ready = !leaving && ports_answer(listeners, !parts.config.tls_certificate.empty(), kPatience);
     response.status = ready ? 200 : 503;
     // Without the store, no server is better off than another: sending calls to none of them would only stop

@@ -9,8 +9,8 @@
 #include "http/page_routes.h"
 #include "http/requests/browser_guard.h"
 #include "http/requests/endpoint.h"
-#include "http/requests/places.h"
 #include "http/requests/reply.h"
+#include "http/requests/semaphore.h"
 #include "http/submission_routes.h"
 #include "http/transport/bounded_server.h"
 
@@ -78,8 +78,8 @@ void report_fault(const http::Router& router, const httplib::Request& request, h
 HttpServer::HttpServer(const ServiceParts& parts, const std::string& address,
                        const std::vector<int>& listeners)
     : parts_(parts),
-      places_(std::make_unique<http::Places>(most_lasting(parts.config), parts.config.transport_bytes)),
-      events_(std::make_unique<http::EventHub>(parts, *places_)),
+      semaphore_(std::make_unique<http::Semaphore>(most_lasting(parts.config), parts.config.transport_bytes)),
+      events_(std::make_unique<http::EventHub>(parts, *semaphore_)),
       server_(std::make_unique<http::BoundedServer>(tls_of(parts, address), parts.config.http_connections,
                                                     line_time_of(parts.config),
                                                     parts.config.http_answer_rate)),
@@ -94,8 +94,8 @@ HttpServer::HttpServer(const ServiceParts& parts, const std::string& address,
   server_->set_default_headers(http::safety_headers());
   set_handlers(http::is_loopback(address));
   http::add_health_routes(*router_, parts, listeners);
-  http::add_job_routes(*router_, parts, *places_);
-  http::add_submission_routes(*router_, parts, *places_);
+  http::add_job_routes(*router_, parts, *semaphore_);
+  http::add_submission_routes(*router_, parts, *semaphore_);
   http::add_event_routes(*router_, parts, *events_);
   http::add_metrics_route(*router_, parts);
   http::add_page_routes(*router_);
@@ -141,7 +141,7 @@ bool HttpServer::bind(const std::string& address) {
   } else if (!server_->bind_to_port(host, port)) {
     return false;
   }
-  server_->queue_at_the_door();
+  server_->set_listen_backlog();
   address_ = (parts_.config.tls_certificate.empty() ? "http://" : "https://") + address.substr(0, colon + 1) +
              std::to_string(port);
   return true;

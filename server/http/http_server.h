@@ -12,7 +12,7 @@ namespace marble::server {
 namespace http {
 class BoundedServer;
 class EventHub;
-class Places;
+class Semaphore;
 class Router;
 }  // namespace http
 
@@ -36,7 +36,7 @@ class HttpServer {
   [[nodiscard]] bool bind(const std::string& address);
 
   const ServiceParts& parts_;
-  std::unique_ptr<http::Places> places_;
+  std::unique_ptr<http::Semaphore> semaphore_;
   std::unique_ptr<http::EventHub> events_;
   std::unique_ptr<http::BoundedServer> server_;
   std::unique_ptr<http::Router> router_;

@@ -74,14 +74,14 @@ std::string trace_csv(const JobRecord::Trace& trace) {
 
 /// Replies with what `ask` fills, for the job that the path names.
 template <class Response, class Ask>
-Answer of_job(const ServiceParts& parts, Places& places, Ask ask) {
-  return [&parts, &places, ask](const httplib::Request& request, const Identity& caller,
-                                httplib::Response& response) -> Expected<void> {
+Answer of_job(const ServiceParts& parts, Semaphore& semaphore, Ask ask) {
+  return [&parts, &semaphore, ask](const httplib::Request& request, const Identity& caller,
+                                   httplib::Response& response) -> Expected<void> {
     const std::string id = request.matches[1].str();
     if (auto looked = look(parts, id); !looked) return looked;
     const auto message = std::make_shared<Response>();
     if (auto asked = ask(parts.board, caller, id, message.get()); !asked) return asked;
-    return reply_long_json(response, places, caller.client, message);
+    return reply_long_json(response, semaphore, caller.client, message);
   };
 }
 
@@ -90,7 +90,7 @@ Answer of_job(const ServiceParts& parts, Places& places, Ask ask) {
 constexpr std::int64_t kBytesOfBundle = 8;
 
 // Called on a thread that may block.
-Expected<void> reply_bundle(const ServiceParts& parts, Places& places, const Identity& caller,
+Expected<void> reply_bundle(const ServiceParts& parts, Semaphore& semaphore, const Identity& caller,
                             const std::string& id, httplib::Response& response) {
   const auto gathered = std::make_shared<std::promise<Expected<GatheredBundle>>>();
   gather_bundle(parts, caller, id,
@@ -98,7 +98,7 @@ Expected<void> reply_bundle(const ServiceParts& parts, Places& places, const Ide
   const auto bundle = gathered->get_future().get();
   if (!bundle) return unexpected(bundle.error());
   const auto parts_size = static_cast<std::int64_t>((*bundle)->request.size() + (*bundle)->answer.size());
-  auto memory = places.hold(caller.client, kBytesOfBundle * parts_size);
+  auto memory = semaphore.hold(caller.client, kBytesOfBundle * parts_size);
   if (!memory) return unexpected(memory.error());
   // Counts the bundle among those being sent until its file is sent.
   struct Sent {
@@ -114,12 +114,12 @@ Expected<void> reply_bundle(const ServiceParts& parts, Places& places, const Ide
   if (auto resized = memory->resize(parts_size + static_cast<std::int64_t>(sent->file.capacity())); !resized)
     return resized;
   set_file_name(response, id, ".tar.zst");
-  return reply_long_bytes(response, places, *std::move(memory), {sent, &sent->file}, "application/zstd");
+  return reply_long_bytes(response, semaphore, *std::move(memory), {sent, &sent->file}, "application/zstd");
 }
 
 }  // namespace
 
-void add_job_routes(Router& router, const ServiceParts& parts, Places& places) {
+void add_job_routes(Router& router, const ServiceParts& parts, Semaphore& semaphore) {
   router.get("/api/info", endpoint(parts,
                                    [&parts](const httplib::Request&, const Identity& caller,
                                             httplib::Response& response) -> Expected<void> {
@@ -138,9 +138,9 @@ void add_job_routes(Router& router, const ServiceParts& parts, Places& places) {
                                      if (auto listed = list_jobs(parts.board, caller, *asked, message.get());
                                          !listed)
                                        return listed;
-                                     return reply_long_json(response, places, caller.client, message);
+                                     return reply_long_json(response, semaphore, caller.client, message);
                                    }));
-  router.get("/api/jobs/([^/]+)", endpoint(parts, of_job<v1::GetJobResponse>(parts, places, get_job)));
+  router.get("/api/jobs/([^/]+)", endpoint(parts, of_job<v1::GetJobResponse>(parts, semaphore, get_job)));
   router.get("/api/jobs/([^/]+)/trace\\.csv",
              endpoint(parts,
                       [&parts](const httplib::Request& request, const Identity& caller,
@@ -159,7 +159,8 @@ void add_job_routes(Router& router, const ServiceParts& parts, Places& places) {
                                                       httplib::Response& response) -> Expected<void> {
                                                     const std::string id = request.matches[1].str();
                                                     if (auto looked = look(parts, id); !looked) return looked;
-                                                    return reply_bundle(parts, places, caller, id, response);
+                                                    return reply_bundle(parts, semaphore, caller, id,
+                                                                        response);
                                                   }));
   router.post("/api/jobs/([^/]+)/cancel",
               endpoint(parts,

@@ -1,12 +1,12 @@
 // /api/info and /api/jobs: the data of Server.GetInfo and of Jobs.List, Get and Cancel as JSON.
 #pragma once
 
-#include "http/requests/places.h"
 #include "http/requests/router.h"
+#include "http/requests/semaphore.h"
 #include "service/service_parts.h"
 
 namespace marble::server::http {
 
-void add_job_routes(Router& router, const ServiceParts& parts, Places& places);
+void add_job_routes(Router& router, const ServiceParts& parts, Semaphore& semaphore);
 
 }  // namespace marble::server::http

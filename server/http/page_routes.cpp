@@ -94,7 +94,7 @@ std::shared_ptr<const ServerHistory> begin_history(const ServiceParts& parts) {
     };
   };
   auto history = std::make_shared<ServerHistory>(look);
-  parts.pulse.add(history);
+  parts.timer.add(history);
   return history;
 }
 

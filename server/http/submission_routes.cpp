@@ -32,11 +32,11 @@ constexpr std::chrono::milliseconds kLook{100};  // between checks whether the w
 constexpr std::chrono::seconds kMoment{5};       // time in which a job that has ended gets its result
 
 // Reads the text of a body, for an identified caller.
-Expected<std::string> read_body(const httplib::ContentReader& read, Places& places, std::size_t length,
+Expected<std::string> read_body(const httplib::ContentReader& read, Semaphore& semaphore, std::size_t length,
                                 int* status) {
-  std::optional<Places::Place> stays;
+  std::optional<Semaphore::Permit> stays;
   if (length > BoundedServer::kOrdinaryBody) {
-    auto place = places.stay();
+    auto place = semaphore.stay();
     if (!place) return unexpected(place.error());
     stays.emplace(*std::move(place));
   }
@@ -54,7 +54,7 @@ Expected<std::string> read_body(const httplib::ContentReader& read, Places& plac
 }
 
 // Fills the response, or returns an error, and the status if it differs from the error's.
-Expected<void> submit_body(const ServiceParts& parts, Places& places, const httplib::Request& request,
+Expected<void> submit_body(const ServiceParts& parts, Semaphore& semaphore, const httplib::Request& request,
                            const httplib::ContentReader& read, Origin& origin, httplib::Response& response,
                            int* status) {
   auto identity = parts.access.require(credentials_of(request), Role::solve);
@@ -70,11 +70,11 @@ Expected<void> submit_body(const ServiceParts& parts, Places& places, const http
     return unexpected(invalid("Content-Length", "must be there: a body has no pieces here"));
   }
   const auto length = request.get_header_value<std::uint64_t>("Content-Length");
-  const auto memory = places.hold(identity->client, kBytesOfBody * static_cast<std::int64_t>(length));
+  const auto memory = semaphore.hold(identity->client, kBytesOfBody * static_cast<std::int64_t>(length));
   if (!memory) return unexpected(memory.error());
   std::shared_ptr<v1::SolveRequest> message;
   {
-    const auto text = read_body(read, places, length, status);
+    const auto text = read_body(read, semaphore, length, status);
     if (!text) return unexpected(text.error());
     auto parsed = solve_request_of(*text, parts.config.message_bytes);
     if (!parsed) return unexpected(parsed.error());
@@ -91,14 +91,14 @@ Expected<void> submit_body(const ServiceParts& parts, Places& places, const http
   return {};
 }
 
-httplib::Server::HandlerWithContentReader submitting(const ServiceParts& parts, Places& places) {
+httplib::Server::HandlerWithContentReader submitting(const ServiceParts& parts, Semaphore& semaphore) {
   return [&parts, &places](const httplib::Request& request, httplib::Response& response,
                            const httplib::ContentReader& read) {
     Origin origin = origin_of(request);
     if (origin.trace) response.set_header("traceparent", to_traceparent(*origin.trace));
     int status = 0;
     const auto done = or_out_of_memory(
-        [&] { return submit_body(parts, places, request, read, origin, response, &status); });
+        [&] { return submit_body(parts, semaphore, request, read, origin, response, &status); });
     if (done) return;
     note_refusal(parts, origin, done.error());
     reply_error(response, done.error(), parts.scheduler.retry_delay_s());
@@ -122,12 +122,13 @@ Expected<double> wait_of(const ServiceParts& parts, const httplib::Request& requ
 /// A request that waits for a result counts as a watcher.
 class Waiting {
  public:
-  [[nodiscard]] static Expected<std::unique_ptr<Waiting>> begin(const ServiceParts& parts, Places& places,
+  [[nodiscard]] static Expected<std::unique_ptr<Waiting>> begin(const ServiceParts& parts,
+                                                                Semaphore& semaphore,
                                                                 const std::string& client) {
     if (auto entered = parts.feeds.enter(client, parts.access.quota_of(client).watchers); !entered)
       return unexpected(entered.error());
     auto waiting = std::unique_ptr<Waiting>(new Waiting(parts.feeds, client));
-    auto place = places.stay();
+    auto place = semaphore.stay();
     if (!place) return unexpected(place.error());
     waiting->place_.emplace(*std::move(place));
     return waiting;
@@ -140,7 +141,7 @@ class Waiting {
   Waiting(FeedLimit& feeds, const std::string& client) : feeds_(feeds), client_(client) {}
   FeedLimit& feeds_;
   const std::string client_;
-  std::optional<Places::Place> place_;
+  std::optional<Semaphore::Permit> place_;
 };
 
 Error no_answer(const std::string& id) {
@@ -173,7 +174,7 @@ Expected<ResultStore::Shared> wait_for_answer(const ServiceParts& parts, const s
   return result;
 }
 
-Answer answering(const ServiceParts& parts, Places& places) {
+Answer answering(const ServiceParts& parts, Semaphore& semaphore) {
   return [&parts, &places](const httplib::Request& request, const Identity& caller,
                            httplib::Response& response) -> Expected<void> {
     const std::string id = request.matches[1].str();
@@ -188,7 +189,7 @@ Answer answering(const ServiceParts& parts, Places& places) {
       const bool over = record == nullptr || record->is_finished();
       std::unique_ptr<Waiting> waiting;
       if (!over && *wait_s > 0.0) {
-        auto begun = Waiting::begin(parts, places, caller.client);
+        auto begun = Waiting::begin(parts, semaphore, caller.client);
         if (!begun) return unexpected(begun.error());
         waiting = std::move(*begun);
       }
@@ -212,20 +213,20 @@ Answer answering(const ServiceParts& parts, Places& places) {
       return {};
     }
     grpc::ByteBuffer bytes(*result->answer);  // reading removes a buffer's bytes
-    auto memory = places.hold(caller.client, kBytesOfAnswer * static_cast<std::int64_t>(bytes.Length()));
+    auto memory = semaphore.hold(caller.client, kBytesOfAnswer * static_cast<std::int64_t>(bytes.Length()));
     if (!memory) return unexpected(memory.error());
     const auto message = std::make_shared<v1::SolveResponse>();
     if (auto parsed = parse(&bytes, message.get(), kAllFields); !parsed)
       return unexpected(failure(ErrorCode::internal, "the answer that is kept cannot be read"));
-    return reply_long_json(response, places, *std::move(memory), message);
+    return reply_long_json(response, semaphore, *std::move(memory), message);
   };
 }
 
 }  // namespace
 
-void add_submission_routes(Router& router, const ServiceParts& parts, Places& places) {
-  router.post_unread(kJobsPath, submitting(parts, places));
-  router.get("/api/jobs/([^/]+)/result", endpoint(parts, answering(parts, places)));
+void add_submission_routes(Router& router, const ServiceParts& parts, Semaphore& semaphore) {
+  router.post_unread(kJobsPath, submitting(parts, semaphore));
+  router.get("/api/jobs/([^/]+)/result", endpoint(parts, answering(parts, semaphore)));
   router.del("/api/jobs/([^/]+)", endpoint(parts,
                                            [&parts](const httplib::Request& request, const Identity& caller,
                                                     httplib::Response& response) -> Expected<void> {

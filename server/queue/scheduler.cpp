@@ -321,12 +321,12 @@ void Scheduler::count_answer(const Outcome& outcome) {
   latencies_.add(now, outcome.total_s);
 }
 
-void Scheduler::give_notice() {
+void Scheduler::announce_shutdown() {
   const MutexLock lock(mutex_);
   leaving_ = true;
 }
 
-bool Scheduler::is_leaving() const {
+bool Scheduler::is_draining() const {
   const MutexLock lock(mutex_);
   return leaving_ || closed_;
 }
@@ -377,7 +377,7 @@ void Scheduler::drain(std::chrono::duration<double> grace) {
   while (!idle()) progress_.wait(mutex_);
 }
 
-void Scheduler::hurry() {
+void Scheduler::force_shutdown() {
   {
     const MutexLock lock(mutex_);
     hurried_ = true;
@@ -385,7 +385,7 @@ void Scheduler::hurry() {
   progress_.notify_all();
 }
 
-void Scheduler::pulse(Clock::time_point now) {
+void Scheduler::on_timer(Clock::time_point now) {
   std::vector<std::shared_ptr<Job>> late;
   std::vector<std::pair<std::shared_ptr<JobObserver>, QueuePlace>> places;
   {

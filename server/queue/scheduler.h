@@ -12,7 +12,7 @@
 #include "base/last_minute.h"
 #include "base/refusal.h"
 #include "jobs/job_board.h"
-#include "jobs/pulse.h"
+#include "jobs/timer.h"
 #include "log/log.h"
 #include "metrics/metrics.h"
 #include "mutex.h"
@@ -53,7 +53,7 @@ class RoomWaiter {
 /// and its updates set up nothing.
 [[nodiscard]] EndedJob counted_of(const Job& job, const Outcome& outcome);
 
-class Scheduler final : public Pulsed, public TaskRunner {
+class Scheduler final : public TimerListener, public TaskRunner {
  public:
   Scheduler(const QueueLimits& limits, JobBoard& board, const Log& log, Metrics& metrics);
   ~Scheduler() override;
@@ -140,9 +140,9 @@ class Scheduler final : public Pulsed, public TaskRunner {
 
   /// Announces that the scheduler will close soon: it still admits everything, but clients should go
   /// elsewhere.
-  void give_notice() ABSL_LOCKS_EXCLUDED(mutex_);
+  void announce_shutdown() ABSL_LOCKS_EXCLUDED(mutex_);
   /// True if closed, or about to close.
-  [[nodiscard]] bool is_leaving() const ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool is_draining() const ABSL_LOCKS_EXCLUDED(mutex_);
   /// Admits nothing more from now on, except updates of sessions.
   void close() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool is_closed() const ABSL_LOCKS_EXCLUDED(mutex_);
@@ -152,14 +152,14 @@ class Scheduler final : public Pulsed, public TaskRunner {
   /// and return their best iterate, and waiting jobs get unavailable.
   void drain(std::chrono::duration<double> grace) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Ends the grace period of a drain in progress now.
-  void hurry() ABSL_LOCKS_EXCLUDED(mutex_);
+  void force_shutdown() ABSL_LOCKS_EXCLUDED(mutex_);
 
   /// Runs tasks of a running job on its own thread, and on workers that have nothing else to do.
   void run(std::span<const std::function<void()>> tasks) override ABSL_LOCKS_EXCLUDED(mutex_);
 
   /// Ends waiting jobs that can no longer meet their deadlines and, a few times a second, reports their
   /// places to the others.
-  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void on_timer(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
   [[nodiscard]] Counters counters() const ABSL_LOCKS_EXCLUDED(mutex_);
   /// Jobs and updates of sessions that got a result.

@@ -5,13 +5,13 @@
 #include <functional>
 #include <vector>
 
-#include "jobs/pulse.h"
+#include "jobs/timer.h"
 #include "mutex.h"
 
 namespace marble::server {
 
 /// Samples the server twice a second, with or without viewers. 40 KiB.
-class ServerHistory final : public Pulsed {
+class ServerHistory final : public TimerListener {
  public:
   static constexpr std::size_t kMostPoints = 640;  // a little more than five minutes
   static constexpr std::chrono::milliseconds kEvery{500};
@@ -26,7 +26,7 @@ class ServerHistory final : public Pulsed {
 
   explicit ServerHistory(std::function<Point()> look) : look_(std::move(look)) {}
 
-  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_) {
+  void on_timer(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_) {
     if (now < next_) return;
     next_ = (now - next_ < kEvery ? next_ : now) + kEvery;  // at a fixed rate, unless the timer was delayed
     const Point point = look_();

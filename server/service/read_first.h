@@ -20,7 +20,8 @@
 namespace marble::server {
 
 /// What is done with a request before its method begins, for any caller.
-using ReadFirstLook = void (*)(const ServiceParts& parts, const grpc::ByteBuffer& request, Settled then);
+using ReadFirstLook = void (*)(const ServiceParts& parts, const grpc::ByteBuffer& request,
+                               CompletionCallback then);
 
 /// gRPC sees a stream; `Inner`, a reactor of a method with one message, starts with that message, or with
 /// none if the caller is unknown: it refuses such a caller before anything else. Owns itself.

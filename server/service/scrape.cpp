@@ -72,7 +72,7 @@ void read_scheduler(const Scheduler& scheduler, Reading& reading) {
   reading.one(Metric::workers_busy, now.running);
   reading.one(Metric::worker_busy_seconds, now.busy_s);
   reading.one(Metric::session_updates_answered, number(now.updates));
-  reading.one(Metric::draining, scheduler.is_leaving() ? 1.0 : 0.0);
+  reading.one(Metric::draining, scheduler.is_draining() ? 1.0 : 0.0);
 }
 
 void read_bounded(const ServiceParts& parts, Reading& reading) {

@@ -25,7 +25,7 @@ struct ServiceParts {
   const Access& access;
   const Log& log;
   Metrics& metrics;
-  Pulse& pulse;
+  Timer& timer;
   JobBoard& board;
   FeedLimit& feeds;
   ResultStore& results;

@@ -32,7 +32,7 @@ class QuickCall final : public grpc::ServerUnaryReactor {
 
 /// `who` identifies the caller, and records it in the origin, or returns why it is refused, before any byte
 /// of the request is read. `handle` takes the caller and the request and fills the response, or returns an
-/// error; it may also return what the response then waits for (Expected<Afterwards>; an empty one means
+/// error; it may also return what the response then waits for (Expected<OnFinished>; an empty one means
 /// nothing).
 template <class Request, class Response, class Who, class Handle>
 grpc::ServerUnaryReactor* answer(const ServiceParts& parts, grpc::CallbackServerContext* context,
@@ -41,17 +41,17 @@ grpc::ServerUnaryReactor* answer(const ServiceParts& parts, grpc::CallbackServer
   auto* const call = new QuickCall(parts.calls);
   Origin origin = origin_of(*context);
   const auto response = std::make_shared<Response>();
-  const auto respond = [&]() -> Expected<Afterwards> {
+  const auto respond = [&]() -> Expected<OnFinished> {
     const auto caller = who(origin);
     if (!caller) return unexpected(caller.error());
     Request request;
     if (auto parsed = parse(request_bytes, &request); !parsed) return unexpected(parsed.error());
     auto handled = handle(*caller, request, response.get(), origin);
     if (!handled) return unexpected(handled.error());
-    if constexpr (std::is_same_v<decltype(handled), Expected<Afterwards>>) return handled;
-    return Afterwards();
+    if constexpr (std::is_same_v<decltype(handled), Expected<OnFinished>>) return handled;
+    return OnFinished();
   };
-  const Expected<Afterwards> responded = or_out_of_memory(
+  const Expected<OnFinished> responded = or_out_of_memory(
       respond, [] { return failure(ErrorCode::resource_exhausted, "the server is out of memory"); });
   const auto finish = [call, response, response_bytes, retry_delay_s](const Expected<void>& ended) {
     if (ended) *response_bytes = serialize(*response);

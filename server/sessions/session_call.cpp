@@ -41,7 +41,7 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
     call->end_at_once(refused(parts, origin, admitted.error()));
     return call.get();
   }
-  parts.pulse.add(call);
+  parts.timer.add(call);
   call->go_on();
   return call.get();
 }
@@ -366,7 +366,7 @@ void SessionCall::done() {
   release();
 }
 
-void SessionCall::pulse(Clock::time_point now) {
+void SessionCall::on_timer(Clock::time_point now) {
   {
     const MutexLock lock(mutex_);
     if (finishing() || end_) return;

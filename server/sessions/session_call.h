@@ -22,7 +22,7 @@ class SessionCall final
     : public StreamPump<SessionCall, grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
                         v1::SessionResponse>,
       public ProgressSink,
-      public Pulsed {
+      public TimerListener {
  public:
   static grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* begin(
       const ServiceParts& parts, grpc::CallbackServerContext& context);
@@ -31,7 +31,7 @@ class SessionCall final
   // From the worker.
   void report(const Progress& progress) override ABSL_LOCKS_EXCLUDED(mutex_);
   // From the timer: idle time, drain.
-  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void on_timer(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   class SetupObserver;

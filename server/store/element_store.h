@@ -45,18 +45,18 @@ class ElementStore {
 
   /// Opens an array whose elements follow: until it is sealed, nothing of it survives a restart. Its request
   /// is a marble.v1.ArraySetup.
-  virtual void open_array(StoredJob array, Settled settled) = 0;
-  virtual void add_element(StoredElement element, Settled settled) = 0;
+  virtual void open_array(StoredJob array, CompletionCallback settled) = 0;
+  virtual void add_element(StoredElement element, CompletionCallback settled) = 0;
   /// Marks the array as complete. Nothing is sealed if it has a different number of elements, because one of
   /// them could not be written.
   virtual void seal_array(const std::string& id, std::int64_t elements, const std::string& digest,
-                          Settled settled) = 0;
+                          CompletionCallback settled) = 0;
   /// Errors: not_found.
   [[nodiscard]] virtual Expected<std::string> element(const std::string& array, std::int64_t index) = 0;
 
   /// The result gets the array's next sequence number, is reported once it is kept, in that order, and its
   /// request is deleted.
-  virtual void answer_element(ElementAnswer answer, Settled settled) = 0;
+  virtual void answer_element(ElementAnswer answer, CompletionCallback settled) = 0;
   /// Returns the results after a sequence number in order: one, if there is any, and more up to this many
   /// bytes.
   [[nodiscard]] virtual Expected<std::vector<ElementAnswer>> answers_after(const std::string& array,
@@ -64,7 +64,7 @@ class ElementStore {
                                                                            std::int64_t most_bytes) = 0;
 
   /// The array's job has ended.
-  virtual void finish(StoredResult result, Settled settled) = 0;
+  virtual void finish(StoredResult result, CompletionCallback settled) = 0;
   virtual void cancel(const std::string& id) = 0;
   virtual void forget(const std::string& id) = 0;
 
@@ -74,7 +74,7 @@ class ElementStore {
   /// True if the contents outlive the server.
   [[nodiscard]] virtual bool is_durable() const = 0;
   /// Calls back when all earlier changes are done.
-  virtual void when_settled(Settled settled) = 0;
+  virtual void when_settled(CompletionCallback settled) = 0;
 };
 
 }  // namespace marble::server

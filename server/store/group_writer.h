@@ -18,7 +18,7 @@
 namespace marble::server {
 
 /// Called once a change is on disk, or with the error. On the writer's thread, without a lock.
-using Settled = std::function<void(const Expected<void>&)>;
+using CompletionCallback = std::function<void(const Expected<void>&)>;
 
 /// State of a store.
 struct StoreUsage {
@@ -162,7 +162,7 @@ class GroupWriter {
     if (made && !was_well) log_.info(Component::server, "state_written_again", {});
     for (Change& change : changes) {
       if (!made && change.is_patient()) continue;
-      if (const Settled settled = std::exchange(change.settled, nullptr)) settled(made);
+      if (const CompletionCallback settled = std::exchange(change.settled, nullptr)) settled(made);
     }
     const MutexLock lock(mutex_);
     if (!made && !closing_) {

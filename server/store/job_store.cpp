@@ -244,11 +244,11 @@ Expected<void> JobStore::each_result(const std::function<void(StoredResult)>& re
   }
 }
 
-void JobStore::add(StoredJob job, Settled settled) {
+void JobStore::add(StoredJob job, CompletionCallback settled) {
   changes_.ask({.kind = Kind::add, .job = std::move(job), .settled = std::move(settled)});
 }
 
-void JobStore::finish(StoredResult result, Settled settled) {
+void JobStore::finish(StoredResult result, CompletionCallback settled) {
   changes_.ask({.kind = Kind::finish, .result = std::move(result), .settled = std::move(settled)});
 }
 
@@ -260,25 +260,25 @@ void JobStore::forget_request(const std::string& id) {
   changes_.ask({.kind = Kind::forget_request, .job = {.id = id}});
 }
 
-void JobStore::when_settled(Settled settled) { changes_.ask({.settled = std::move(settled)}); }
+void JobStore::when_settled(CompletionCallback settled) { changes_.ask({.settled = std::move(settled)}); }
 
-void JobStore::open_array(StoredJob array, Settled settled) {
+void JobStore::open_array(StoredJob array, CompletionCallback settled) {
   array.elements = 0;
   add(std::move(array), std::move(settled));
 }
 
-void JobStore::add_element(StoredElement element, Settled settled) {
+void JobStore::add_element(StoredElement element, CompletionCallback settled) {
   changes_.ask({.kind = Kind::add_element, .element = std::move(element), .settled = std::move(settled)});
 }
 
 void JobStore::seal_array(const std::string& id, std::int64_t elements, const std::string& digest,
-                          Settled settled) {
+                          CompletionCallback settled) {
   changes_.ask({.kind = Kind::seal,
                 .job = {.id = id, .digest = digest, .elements = elements},
                 .settled = std::move(settled)});
 }
 
-void JobStore::answer_element(ElementAnswer answer, Settled settled) {
+void JobStore::answer_element(ElementAnswer answer, CompletionCallback settled) {
   changes_.ask({.kind = Kind::answer_element, .answer = std::move(answer), .settled = std::move(settled)});
 }
 
@@ -320,7 +320,7 @@ Expected<void> JobStore::write(std::vector<Change>& changes) {
       const auto made = make(change);
       if (made) continue;
       if (made.error().code != ErrorCode::resource_exhausted) return made;
-      if (const Settled settled = std::exchange(change.settled, nullptr)) settled(made);
+      if (const CompletionCallback settled = std::exchange(change.settled, nullptr)) settled(made);
       change.kind = Kind::nothing;
     }
     if (changes.empty()) {  // any write will do

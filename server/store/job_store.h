@@ -78,24 +78,24 @@ class JobStore final : public ElementStore {
   void ended(const std::string& id) override { running_.ended(id); }
 
   /// If this fails, the job is not stored. The other changes are retried, once a second, until they succeed.
-  void add(StoredJob job, Settled settled);
-  void finish(StoredResult result, Settled settled) override;
+  void add(StoredJob job, CompletionCallback settled);
+  void finish(StoredResult result, CompletionCallback settled) override;
   /// Prevents it from running again.
   void cancel(const std::string& id) override;
   void forget(const std::string& id) override;
   /// The result stays.
   void forget_request(const std::string& id);
   /// Calls back when all earlier changes are done.
-  void when_settled(Settled settled) override;
+  void when_settled(CompletionCallback settled) override;
 
   // Arrays. A result is retried until it is kept, and reported only then.
-  void open_array(StoredJob array, Settled settled) override;
-  void add_element(StoredElement element, Settled settled) override;
+  void open_array(StoredJob array, CompletionCallback settled) override;
+  void add_element(StoredElement element, CompletionCallback settled) override;
   void seal_array(const std::string& id, std::int64_t elements, const std::string& digest,
-                  Settled settled) override;
+                  CompletionCallback settled) override;
   [[nodiscard]] Expected<std::string> element(const std::string& array, std::int64_t index) override
       ABSL_LOCKS_EXCLUDED(read_mutex_);
-  void answer_element(ElementAnswer answer, Settled settled) override;
+  void answer_element(ElementAnswer answer, CompletionCallback settled) override;
   [[nodiscard]] Expected<std::vector<ElementAnswer>> answers_after(const std::string& array,
                                                                    std::int64_t after,
                                                                    std::int64_t most_bytes) override
@@ -121,7 +121,7 @@ class JobStore final : public ElementStore {
     StoredResult result = {};
     StoredElement element = {};
     ElementAnswer answer = {};
-    Settled settled = {};
+    CompletionCallback settled = {};
     [[nodiscard]] bool is_change() const { return kind != Kind::nothing; }
     [[nodiscard]] bool is_patient() const { return kind == Kind::answer_element; }
     [[nodiscard]] bool is_lasting() const {

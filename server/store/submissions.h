@@ -18,7 +18,7 @@ struct Caller;
 
 /// What a call's response waits for, if it is not sent at once: calls back with the outcome. The response
 /// may be filled until then.
-using Afterwards = std::function<void(Settled)>;
+using OnFinished = std::function<void(CompletionCallback)>;
 
 /// The request and the result of a job, as bytes of marble.v1.SolveRequest and SolveResponse.
 struct AskedAndAnswered {
@@ -34,23 +34,23 @@ class Submissions {
   /// Accepts the job; if there is a store, the response waits until the job is in it. A request with an id
   /// that the client has used before, for a job that is still kept, returns that job. Errors: those of
   /// admission; unavailable (the store cannot write).
-  [[nodiscard]] virtual Expected<Afterwards> submit(const Caller& caller,
+  [[nodiscard]] virtual Expected<OnFinished> submit(const Caller& caller,
                                                     std::shared_ptr<v1::SolveRequest> request,
                                                     v1::SubmitResponse* response) = 0;
   /// Requests the end of any job; that of a submitted job survives a restart. Errors: not_found,
   /// permission_denied, unavailable.
-  [[nodiscard]] virtual Expected<Afterwards> cancel(const Identity& caller, const std::string& id,
+  [[nodiscard]] virtual Expected<OnFinished> cancel(const Identity& caller, const std::string& id,
                                                     v1::CancelJobResponse* response) = 0;
   /// Deletes a submitted job and its result. Errors: as of cancel().
-  [[nodiscard]] virtual Expected<Afterwards> remove(const Identity& caller, const std::string& id) = 0;
+  [[nodiscard]] virtual Expected<OnFinished> remove(const Identity& caller, const std::string& id) = 0;
   /// Calls back when this server's state of the job, or of all jobs if the id is empty, equals the store's;
   /// if that takes too long, with the current state. Errors: unavailable (nothing is known of the job).
-  virtual void look(const std::string& id, Settled then) = 0;
+  virtual void look(const std::string& id, CompletionCallback then) = 0;
 
   /// Returns both, for a submitted job that has `finished`, or for one that has not, then without a result.
   /// Errors: not_found (the request is no longer kept, or the job was deleted), unavailable.
-  virtual void recall(const std::string& id, bool finished,
-                      std::function<void(Expected<AskedAndAnswered>)> then) = 0;
+  virtual void fetch_pair(const std::string& id, bool finished,
+                          std::function<void(Expected<AskedAndAnswered>)> then) = 0;
 
   /// Null if arrays are not supported.
   [[nodiscard]] virtual Arrays* arrays() { return nullptr; }

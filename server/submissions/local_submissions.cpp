@@ -20,9 +20,9 @@ void fill(const std::string& id, const QueuePlace& place, v1::SubmitResponse* re
 bool outlives_call(JobKind kind) { return kind == JobKind::submitted || kind == JobKind::array; }
 
 // Writes the job to disk. A job that cannot be written ends, and no one has seen it.
-Afterwards kept(const ServiceParts& parts, JobStore& store, const std::shared_ptr<ResultKeeper>& keeper,
+OnFinished kept(const ServiceParts& parts, JobStore& store, const std::shared_ptr<ResultKeeper>& keeper,
                 const std::shared_ptr<JobRecord>& record, StoredJob job) {
-  return [&parts, &store, keeper, record, job = std::move(job)](const Settled& settled) mutable {
+  return [&parts, &store, keeper, record, job = std::move(job)](const CompletionCallback& settled) mutable {
     store.add(std::move(job), [&parts, record, settled](const Expected<void>& added) {
       if (added) return settled(added);
       record->cancel();
@@ -45,7 +45,7 @@ Expected<std::unique_ptr<Submissions>> LocalSubmissions::begin(const ServicePart
   return submissions;
 }
 
-Expected<Afterwards> LocalSubmissions::submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
+Expected<OnFinished> LocalSubmissions::submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
                                               v1::SubmitResponse* response) {
   if (auto well = health(); !well) return unexpected(not_kept(well.error()));
   const auto job = make_job(parts_, caller, JobKind::submitted, request);
@@ -73,7 +73,7 @@ Expected<Afterwards> LocalSubmissions::submit(const Caller& caller, std::shared_
     return unexpected(place.error());
   }
   fill(record->id(), *place, response);
-  if (store_ == nullptr) return Afterwards();
+  if (store_ == nullptr) return OnFinished();
   const JobDescription& what = record->description();
   stored.id = what.id;
   stored.client = client;
@@ -84,17 +84,17 @@ Expected<Afterwards> LocalSubmissions::submit(const Caller& caller, std::shared_
   return kept(parts_, *store_, keeper, record, std::move(stored));
 }
 
-Expected<Afterwards> LocalSubmissions::cancel(const Identity& caller, const std::string& id,
+Expected<OnFinished> LocalSubmissions::cancel(const Identity& caller, const std::string& id,
                                               v1::CancelJobResponse* response) {
   if (auto asked = cancel_job(parts_.board, caller, id, response); !asked) return unexpected(asked.error());
   const auto record = parts_.board.find(id);
   if (store_ == nullptr || record == nullptr || !outlives_call(record->description().kind))
-    return Afterwards();
+    return OnFinished();
   store_->cancel(id);
   return when_settled();
 }
 
-Expected<Afterwards> LocalSubmissions::remove(const Identity& caller, const std::string& id) {
+Expected<OnFinished> LocalSubmissions::remove(const Identity& caller, const std::string& id) {
   const std::string owner = parts_.results.owner(id);
   if (owner.empty() || !may_see(caller, owner)) return unexpected(no_such_job(id));
   if (!may_end(caller, owner)) return unexpected(not_to_end(id));
@@ -104,8 +104,8 @@ Expected<Afterwards> LocalSubmissions::remove(const Identity& caller, const std:
   return when_settled();
 }
 
-void LocalSubmissions::recall(const std::string& id, bool finished,
-                              std::function<void(Expected<AskedAndAnswered>)> then) {
+void LocalSubmissions::fetch_pair(const std::string& id, bool finished,
+                                  std::function<void(Expected<AskedAndAnswered>)> then) {
   const auto asked = parts_.results.request(id);
   if (!asked) return then(unexpected(no_request(id)));
   AskedAndAnswered both;
@@ -135,9 +135,9 @@ std::optional<StoreUsage> LocalSubmissions::usage() const {
   return store_->usage();
 }
 
-Afterwards LocalSubmissions::when_settled() const {
+OnFinished LocalSubmissions::when_settled() const {
   if (store_ == nullptr) return {};
-  return [store = store_](Settled settled) { store->when_settled(std::move(settled)); };
+  return [store = store_](CompletionCallback settled) { store->when_settled(std::move(settled)); };
 }
 
 }  // namespace marble::server

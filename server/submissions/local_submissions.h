@@ -20,14 +20,14 @@ class LocalSubmissions final : public Submissions {
   LocalSubmissions(const LocalSubmissions&) = delete;
   LocalSubmissions& operator=(const LocalSubmissions&) = delete;
 
-  [[nodiscard]] Expected<Afterwards> submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
+  [[nodiscard]] Expected<OnFinished> submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
                                             v1::SubmitResponse* response) override;
-  [[nodiscard]] Expected<Afterwards> cancel(const Identity& caller, const std::string& id,
+  [[nodiscard]] Expected<OnFinished> cancel(const Identity& caller, const std::string& id,
                                             v1::CancelJobResponse* response) override;
-  [[nodiscard]] Expected<Afterwards> remove(const Identity& caller, const std::string& id) override;
-  void look(const std::string& /*id*/, Settled then) override { then({}); }
-  void recall(const std::string& id, bool finished,
-              std::function<void(Expected<AskedAndAnswered>)> then) override;
+  [[nodiscard]] Expected<OnFinished> remove(const Identity& caller, const std::string& id) override;
+  void look(const std::string& /*id*/, CompletionCallback then) override { then({}); }
+  void fetch_pair(const std::string& id, bool finished,
+                  std::function<void(Expected<AskedAndAnswered>)> then) override;
   [[nodiscard]] Arrays* arrays() override { return arrays_.get(); }
   [[nodiscard]] Expected<void> health() const override;
   [[nodiscard]] std::optional<StoreUsage> usage() const override;
@@ -40,7 +40,7 @@ class LocalSubmissions final : public Submissions {
   LocalSubmissions(const ServiceParts& parts, JobStore* store)
       : parts_(parts), store_(store), arrays_(Arrays::make(parts, store)) {}
   // Waits until everything requested of the store is done; empty if there is no store.
-  [[nodiscard]] Afterwards when_settled() const;
+  [[nodiscard]] OnFinished when_settled() const;
 
   const ServiceParts& parts_;
   JobStore* const store_;

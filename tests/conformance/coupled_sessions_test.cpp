@@ -159,7 +159,7 @@ TEST_F(CoupledSessions, OnOneServerItIsOneCallWithTheBitsOfThisProcess) {
   const CoupledSolution here = solve_coupled(cell_.view()).value();
   EXPECT_EQ(there.joint.z, here.joint.z);
   EXPECT_EQ(there.joint.objective, here.joint.objective);
-  EXPECT_EQ(there.coordination.prices, here.coordination.prices);
+  EXPECT_EQ(there.coordination.coupling_multipliers, here.coordination.coupling_multipliers);
   EXPECT_EQ(there.coordination.status, here.coordination.status);
   EXPECT_EQ(there.coordination.last.iteration, here.coordination.last.iteration);
   EXPECT_EQ(there.coordination.last.factorizations, here.coordination.last.factorizations);
@@ -192,7 +192,7 @@ TEST_F(CoupledSessions, SubmittedTheyAnswerLaterWithTheBitsOfTheCall) {
   const RemoteCoupledSolution later = jobs.coupled(job.job_id, cell_.view(), {.wait = true}).value();
   const RemoteCoupledSolution now = single_[0].solve_coupled(cell_.view()).value();
   EXPECT_EQ(later.joint.z, now.joint.z);
-  EXPECT_EQ(later.coordination.prices, now.coordination.prices);
+  EXPECT_EQ(later.coordination.coupling_multipliers, now.coordination.coupling_multipliers);
   EXPECT_EQ(later.coordination.last.iteration, now.coordination.last.iteration);
   EXPECT_EQ(later.blocks_objective, now.blocks_objective);
   EXPECT_EQ(later.places.size(), now.places.size());

@@ -16,14 +16,14 @@ using nonlinear::Curvature;
 using nonlinear::Iteration;
 using nonlinear::Settings;
 
-Expected<Answer> solved_here(const nonlinear::Problem& problem, const Settings& settings = {}) {
+Expected<Answer> solved_locally(const nonlinear::Problem& problem, const Settings& settings = {}) {
   return nonlinear::solve(problem, nonlinear::open_ticks_in_process, settings);
 }
 
 std::vector<Iteration> table_of(const nonlinear::Problem& problem, Settings settings = {}) {
   std::vector<Iteration> rows;
   settings.iteration = [&rows](const Iteration& row) { rows.push_back(row), rows.back().x = {}; };
-  EXPECT_TRUE(solved_here(problem, settings).has_value());
+  EXPECT_TRUE(solved_locally(problem, settings).has_value());
   return rows;
 }
 
@@ -45,7 +45,7 @@ Formula named(const std::vector<Formula>& formulas, const std::string& name) {
 TEST(Nonlinear, TheLecturesExampleEndsAtItsSolutionFromEveryStart) {
   for (const Formula& formula : classical_problems()) {
     if (!formula.name.starts_with("murty")) continue;
-    const auto answer = solved_here(problem_of(formula));
+    const auto answer = solved_locally(problem_of(formula));
     ASSERT_TRUE(answer.has_value());
     EXPECT_NEAR(answer->x[0], 1.0, 1e-8);
     EXPECT_NEAR(answer->x[1], 3.0, 1e-8);
@@ -61,8 +61,8 @@ TEST(Nonlinear, ClassicalProblemsEndAtTheirOptima) {
     const auto problem = problem_of(formula);
     const auto agree = nonlinear::check_derivatives(problem, formula.start);
     EXPECT_TRUE(agree.has_value()) << formula.name << ": " << agree.error().message();
-    expect_known_optimum(formula, solved_here(problem), 1e-6);
-    expect_known_optimum(formula, solved_here(problem_of(formula, false)), 1e-6);  // damped BFGS
+    expect_known_optimum(formula, solved_locally(problem), 1e-6);
+    expect_known_optimum(formula, solved_locally(problem_of(formula, false)), 1e-6);  // damped BFGS
   }
 }
 
@@ -72,7 +72,7 @@ TEST(Nonlinear, EquilibriumProblemsEndAtTheirBestKnownObjectives) {
     const auto problem = problem_of(formula);
     const auto agree = nonlinear::check_derivatives(problem, formula.start);
     EXPECT_TRUE(agree.has_value()) << formula.name << ": " << agree.error().message();
-    const auto answer = solved_here(problem);
+    const auto answer = solved_locally(problem);
     ASSERT_TRUE(answer.has_value()) << formula.name << ": " << answer.error().message();
     ticks.push_back(answer->ticks);
     expect_known_optimum(formula, answer, 1e-4);
@@ -87,7 +87,7 @@ TEST(Nonlinear, ConvergesQuadraticallyWithTheExactHessian) {
     std::vector<std::vector<double>> path;
     Settings settings;
     settings.iteration = [&](const Iteration& row) { path.emplace_back(row.x.begin(), row.x.end()); };
-    const auto answer = solved_here(problem_of(formula), settings);
+    const auto answer = solved_locally(problem_of(formula), settings);
     ASSERT_TRUE(answer.has_value());
     std::vector<double> errors;
     for (const auto& x : path) {
@@ -136,7 +136,7 @@ TEST(Nonlinear, UpdatesStayInTheBlocksOfTheStages) {
     return nonlinear::open_ticks_in_process(view, settings);
   };
   const auto by_blocks = nonlinear::solve(problem, open);
-  const auto exact = solved_here(problem_of(chain));
+  const auto exact = solved_locally(problem_of(chain));
   ASSERT_TRUE(by_blocks && exact);
   EXPECT_EQ(entries, kStages * 6);
   EXPECT_EQ(by_blocks->status, Status::solved) << by_blocks->detail;
@@ -215,8 +215,8 @@ TEST(Nonlinear, ResidualsNeedNoHessian) {
         made.G = {x[0]}, made.H = {x[1]};
         return made;
       }};
-  const auto exact = solved_here(problem_of(formula));
-  const auto answer = solved_here(problem_of(formula, false), {.curvature = Curvature::automatic});
+  const auto exact = solved_locally(problem_of(formula));
+  const auto answer = solved_locally(problem_of(formula, false), {.curvature = Curvature::automatic});
   ASSERT_TRUE(answer && exact);
   EXPECT_EQ(answer->status, Status::solved) << answer->detail;
   EXPECT_NEAR(answer->objective, exact->objective, 1e-8);
@@ -239,7 +239,7 @@ TEST(Nonlinear, ACorrectionTakesTheStepThatTheMeritRefuses) {
   EXPECT_TRUE(std::any_of(rows.begin(), rows.end(),
                           [](const Iteration& row) { return row.corrected && row.accepted; }));
   EXPECT_LE(rows.size(), 8u);
-  expect_known_optimum(circle(0.8), solved_here(problem_of(circle(0.8))), 1e-8);
+  expect_known_optimum(circle(0.8), solved_locally(problem_of(circle(0.8))), 1e-8);
 }
 
 TEST(Nonlinear, AFarFeasiblePointIsReachedByElasticSteps) {
@@ -249,14 +249,14 @@ TEST(Nonlinear, AFarFeasiblePointIsReachedByElasticSteps) {
   const auto problem = problem_of(far);
   const auto rows = table_of(problem);
   EXPECT_TRUE(rows.front().elastic);
-  expect_known_optimum(far, solved_here(problem), 1e-3);
+  expect_known_optimum(far, solved_locally(problem), 1e-3);
 }
 
 TEST(Nonlinear, WhereTheViolationCannotBeLoweredItSaysSo) {
   const Formula none{.name = "none", .start = {3}, .parts = [](const Jets& x) -> Parts {
                        return {.objective = x[0], .equalities = {square(x[0]) + 1}};
                      }};
-  const auto answer = solved_here(problem_of(none));
+  const auto answer = solved_locally(problem_of(none));
   ASSERT_TRUE(answer.has_value());
   EXPECT_EQ(answer->status, Status::locally_infeasible) << answer->detail;
   EXPECT_NEAR(answer->violation, 1.0, 1e-3);
@@ -268,7 +268,7 @@ TEST(Nonlinear, RowsThatContradictEachOtherWithinTheToleranceAreMet) {
       .name = "twice", .optimum = 2, .start = {3}, .parts = [](const Jets& x) -> Parts {
         return {.objective = 2 * x[0], .equalities = {square(x[0]) - 1, square(x[0]) - 1 - 1e-7}};
       }};
-  const auto answer = solved_here(problem_of(twice));
+  const auto answer = solved_locally(problem_of(twice));
   ASSERT_TRUE(answer.has_value());
   EXPECT_EQ(answer->status, Status::solved) << answer->detail;
   EXPECT_NEAR(answer->objective, 2.0, 1e-6);
@@ -284,31 +284,31 @@ TEST(Nonlinear, AHessianThatIsNotConvexLeadsToAMinimum) {
                        },
                        .lower = {-1, -1},
                        .upper = {1, 1}};
-  expect_known_optimum(saddle, solved_here(problem_of(saddle)), 1e-8);
+  expect_known_optimum(saddle, solved_locally(problem_of(saddle)), 1e-8);
 }
 
 TEST(Nonlinear, AStepToWhereAFunctionIsNoNumberIsShortened) {
   const Formula barrier{.name = "log", .optimum = 1, .start = {20}, .parts = [](const Jets& x) -> Parts {
                           return {.objective = x[0] - log(x[0])};
                         }};
-  expect_known_optimum(barrier, solved_here(problem_of(barrier), {.radius = 100}), 1e-8);
+  expect_known_optimum(barrier, solved_locally(problem_of(barrier), {.radius = 100}), 1e-8);
 }
 
 TEST(Nonlinear, ItsLimitsAreSaid) {
   const auto problem = problem_of(named(classical_problems(), "bt6"));
-  const auto few = solved_here(problem, {.iteration_limit = 2});
+  const auto few = solved_locally(problem, {.iteration_limit = 2});
   ASSERT_TRUE(few.has_value());
   EXPECT_EQ(few->status, Status::iteration_limit);
   EXPECT_EQ(few->iterations, 2);
-  const auto short_time = solved_here(problem, {.time_limit_s = 1e-9});
+  const auto short_time = solved_locally(problem, {.time_limit_s = 1e-9});
   ASSERT_TRUE(short_time.has_value());
   EXPECT_EQ(short_time->status, Status::time_limit);
   std::stop_source stop;
-  const auto stopped = solved_here(problem, {.iteration =
-                                                 [&](const Iteration& row) {
-                                                   if (row.iteration == 1) stop.request_stop();
-                                                 },
-                                             .stop = stop.get_token()});
+  const auto stopped = solved_locally(problem, {.iteration =
+                                                    [&](const Iteration& row) {
+                                                      if (row.iteration == 1) stop.request_stop();
+                                                    },
+                                                .stop = stop.get_token()});
   ASSERT_TRUE(stopped.has_value());
   EXPECT_EQ(stopped->status, Status::cancelled);
   EXPECT_EQ(stopped->iterations, 2);
@@ -395,14 +395,14 @@ TEST(Nonlinear, BadFunctionsAreRefusedByName) {
     auto problem = problem_of(formula);
     fault.make(problem);
     calls = 0;
-    const auto answer = solved_here(problem);
+    const auto answer = solved_locally(problem);
     ASSERT_FALSE(answer.has_value()) << fault.field;
     EXPECT_EQ(answer.error().code, ErrorCode::invalid_argument);
     EXPECT_EQ(answer.error().field, fault.field);
     EXPECT_EQ(answer.error().index, fault.index) << answer.error().message();
   }
-  EXPECT_EQ(solved_here(problem_of(formula), {.radius = 0}).error().field, "settings.radius");
-  EXPECT_EQ(solved_here(problem_of(formula, false), {.curvature = Curvature::exact}).error().field,
+  EXPECT_EQ(solved_locally(problem_of(formula), {.radius = 0}).error().field, "settings.radius");
+  EXPECT_EQ(solved_locally(problem_of(formula, false), {.curvature = Curvature::exact}).error().field,
             "hessian");
 }
 

@@ -217,7 +217,7 @@ class Tampered(Files):
             lines[-1]["end"] -= 1
             self.rejects(lines)
 
-    def test_a_side_that_is_flipped(self):
+    def test_a_side_that_is_switched(self):
         for at in range(1, len(self.good) - 1):
             lines = self.changed()
             lines[at]["s"], lines[at]["t"] = lines[at]["t"], lines[at]["s"]

@@ -27,8 +27,8 @@ struct IdleParts {
   SessionTable sessions{{10, 1000}};
   ConnectionTable connections{{}, log};
   Scheduler scheduler;
-  Pulse pulse;
-  ServiceParts all{config, access,  log,       metrics,  pulse,       board,
+  Timer timer;
+  ServiceParts all{config, access,  log,       metrics,  timer,       board,
                    feeds,  results, scheduler, sessions, connections, calls};
   const std::unique_ptr<Submissions> submissions = LocalSubmissions::begin(all, nullptr).value();
 };

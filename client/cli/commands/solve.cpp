@@ -49,9 +49,9 @@ void report_place(CallControls& call) {
   };
 }
 
-Expected<Answer> solve_there(const SolveArguments& arguments, const Client& client,
-                             const OwnedProblem& problem, const Options& options,
-                             const SolveControls& controls) {
+Expected<Answer> solve_remotely(const SolveArguments& arguments, const Client& client,
+                                const OwnedProblem& problem, const Options& options,
+                                const SolveControls& controls) {
   CallControls call;
   call.problem_name = problem.name;
   call.priority = arguments.priority;
@@ -207,7 +207,7 @@ int run(const SolveArguments& arguments) {
   const auto solve = [&](const Client* server, Solve how) {
     return arguments.bundle.empty() ? how : with_bundle(arguments, server, std::move(how));
   };
-  SolveMeans means{formats::read_any_problem, solve(nullptr, solve_here)};
+  SolveMeans means{formats::read_any_problem, solve(nullptr, solve_locally)};
   means.names = names_of_file;
   means.otherwise = [&](const std::string& path, std::stop_token stop) {
     return solve_nonlinear_file(arguments, *nonlinear, path, std::move(stop));
@@ -220,7 +220,7 @@ int run(const SolveArguments& arguments) {
   }
   means.solve =
       solve(&*client, [&](const OwnedProblem& problem, const Options& own, const SolveControls& controls) {
-        return solve_there(arguments, *client, problem, own, controls);
+        return solve_remotely(arguments, *client, problem, own, controls);
       });
   means.remote = true;
   return solve_files(arguments, *options, means);

@@ -153,8 +153,8 @@ int report_error(const SolveArguments& arguments, const std::string& file, const
   return remote ? exit_code_of(error) : exit_code_of_local(error);
 }
 
-Expected<Answer> solve_here(const OwnedProblem& problem, const Options& options,
-                            const SolveControls& controls) {
+Expected<Answer> solve_locally(const OwnedProblem& problem, const Options& options,
+                               const SolveControls& controls) {
   const auto begun = std::chrono::steady_clock::now();
   auto solution = solve_in_process(problem.view(), options, controls);
   if (!solution) return unexpected(std::move(solution.error()));

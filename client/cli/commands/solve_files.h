@@ -25,8 +25,8 @@ struct SolveMeans {
 };
 
 /// Solves in this process, by the solver's own contract: a stopped solve returns its best iterate.
-[[nodiscard]] Expected<Answer> solve_here(const OwnedProblem& problem, const Options& options,
-                                          const SolveControls& controls);
+[[nodiscard]] Expected<Answer> solve_locally(const OwnedProblem& problem, const Options& options,
+                                             const SolveControls& controls);
 
 /// Reports a file without a solution; returns the exit code. `remote`: the error may be the server's.
 int report_error(const SolveArguments& arguments, const std::string& file, const std::string& name,

@@ -71,8 +71,9 @@ Expected<Solved> solve_coupled(const Client& client, const v1::SolveRequest& req
     CoupledOptions settings;
     settings.options = options;
     take_settings(coupled, settings);
-    const CoupledStart start{{coupled.prices().begin(), coupled.prices().end()}, {}};
-    if (!start.prices.empty()) controls.start = &start;
+    const CoupledStart start{{coupled.coupling_multipliers().begin(), coupled.coupling_multipliers().end()},
+                             {}};
+    if (!start.coupling_multipliers.empty()) controls.start = &start;
     const auto answer = client.solve_coupled(coupled_of(coupled), settings, controls, call);
     if (!answer) return unexpected(answer.error());
     to_message(answer->joint, &solved.solution);

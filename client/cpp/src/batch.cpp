@@ -189,7 +189,7 @@ class Batch {
 
 Expected<void> Client::solve_batch(const BatchSource& source, const BatchSink& sink,
                                    const BatchControls& controls) const {
-  if (connection_ == nullptr) return client::solve_batch_here(source, sink, controls);
+  if (connection_ == nullptr) return client::solve_batch_locally(source, sink, controls);
   if (controls.wait && !(*controls.wait >= Seconds(0.0)))
     return unexpected(invalid("wait", "must be >= 0 seconds"));
   if (auto valid = client::check_traceparent(controls.traceparent); !valid) return unexpected(valid.error());

@@ -31,15 +31,15 @@ Client::~Client() = default;
 Expected<RemoteSolution> Client::solve(const ProblemView& problem, const Options& options,
                                        const SolveControls& controls, const CallControls& call) const {
   return or_out_of_memory([&] {
-    if (connection_ == nullptr) return client::solve_here(problem, options, controls, call);
-    return client::solve_there(*connection_, problem, options, controls, call);
+    if (connection_ == nullptr) return client::solve_locally(problem, options, controls, call);
+    return client::solve_remotely(*connection_, problem, options, controls, call);
   });
 }
 
 Expected<PendingSolution> Client::solve_async(const ProblemView& problem, const Options& options,
                                               const SolveControls& controls, const CallControls& call) const {
   return or_out_of_memory([&] {
-    if (connection_ == nullptr) return client::begin_solve_here(problem, options, controls, call);
+    if (connection_ == nullptr) return client::begin_solve_locally(problem, options, controls, call);
     return client::begin_solve(connection_, problem, options, controls, call);
   });
 }
@@ -51,12 +51,12 @@ Expected<RemoteScenarios> scenarios_by(const client::Connection* connection, con
                                        const SolveControls& controls, const CallControls& call) {
   return or_out_of_memory([&]() -> Expected<RemoteScenarios> {
     if (connection != nullptr)
-      return client::solve_scenarios_there(*connection, problem, sampler, settings, controls, call);
+      return client::solve_scenarios_remotely(*connection, problem, sampler, settings, controls, call);
     auto answer = marble::solve_scenarios(problem, settings, controls);
     if (!answer) return unexpected(answer.error());
     if (answer->end == ScenarioEnd::cancelled) return unexpected(client::given_up());
     RemoteScenarios result;
-    static_cast<ScenarioAnswer&>(result) = *std::move(answer);
+    static_cast<ScenarioSolution&>(result) = *std::move(answer);
     return result;
   });
 }
@@ -88,7 +88,7 @@ Expected<RemoteCoupledSolution> Client::solve_coupled(const CoupledView& view, c
                                                       const CallControls& call) const {
   return or_out_of_memory([&]() -> Expected<RemoteCoupledSolution> {
     if (connection_ != nullptr)
-      return client::solve_coupled_there(*connection_, view, options, controls, call);
+      return client::solve_coupled_remotely(*connection_, view, options, controls, call);
     auto solved = marble::solve_coupled(view, options, controls);
     if (!solved) return unexpected(solved.error());
     if (solved->joint.status == Status::cancelled) return unexpected(client::given_up());
@@ -103,7 +103,8 @@ Expected<RemotePiecesSolution> Client::solve_in_pieces(const Problem& problem,
                                                        const CallControls& call) const {
   return or_out_of_memory([&]() -> Expected<RemotePiecesSolution> {
     if (connection_ != nullptr)
-      return client::solve_in_pieces_there(*connection_, problem, stage_of_variable, options, controls, call);
+      return client::solve_in_pieces_remotely(*connection_, problem, stage_of_variable, options, controls,
+                                              call);
     auto solved = marble::solve_in_pieces(problem, stage_of_variable, options, controls);
     if (!solved) return unexpected(solved.error());
     if (solved->whole.status == Status::cancelled) return unexpected(client::given_up());

@@ -1,7 +1,7 @@
 import { type BatchAnswer, type BatchControls, type BatchProblem, batch } from "./calls/batch.js";
 import { type CallControls, unary } from "./calls/calls.js";
 import {
-  type CoupledAnswer,
+  type CoupledSolution,
   type CoupledControls,
   type CoupledProblem,
   type Pieces,
@@ -12,7 +12,7 @@ import {
 } from "./calls/coupled.js";
 import { type ServerInfo, infoOf } from "./calls/info.js";
 import { Jobs } from "./calls/jobs.js";
-import { type ScenarioAnswer, type ScenarioControls, scenarios } from "./calls/scenarios.js";
+import { type ScenarioSolution, type ScenarioControls, scenarios } from "./calls/scenarios.js";
 import { Session, type SessionControls } from "./calls/session.js";
 import { type SolveControls, type SolveEvent, type StreamControls, solve, solveStream } from "./calls/solve.js";
 import { type ConnectOptions, defaultAddress } from "./connection/connect-options.js";
@@ -51,14 +51,14 @@ export class Client implements Disposable {
   }
 
   /** Solves a problem with scenarios: min Σ π q(x, y_s) over one x and a recourse y_s for every sampled scenario. */
-  async scenarios(problem: Problem, controls: ScenarioControls): Promise<ScenarioAnswer> {
+  async scenarios(problem: Problem, controls: ScenarioControls): Promise<ScenarioSolution> {
     return scenarios(this.connection, problem, controls);
   }
 
   /**
    * Solves problems coupled by rows: block by block with multipliers of the rows, finally as one on the branch found.
    */
-  async coupled(problem: CoupledProblem, controls: CoupledControls = {}): Promise<CoupledAnswer> {
+  async coupled(problem: CoupledProblem, controls: CoupledControls = {}): Promise<CoupledSolution> {
     return coupled(this.connection, problem, controls);
   }
 

@@ -24,7 +24,7 @@ export type { BatchAnswer, BatchControls, BatchProblem } from "./calls/batch.js"
 export type { CallControls } from "./calls/calls.js";
 export type {
   Coordination,
-  CoupledAnswer,
+  CoupledSolution,
   CoupledBlock,
   CoupledControls,
   CoupledProblem,
@@ -50,7 +50,7 @@ export type {
 } from "./calls/jobs.js";
 export type {
   ProblemPart,
-  ScenarioAnswer,
+  ScenarioSolution,
   ScenarioControls,
   ScenarioEntries,
   ScenarioLevel,

@@ -67,7 +67,7 @@ test("coupled blocks share a resource with one multiplier", async () => {
     answer.z.map((z) => z[0]!),
     [2.5, 1.5],
   );
-  near(answer.prices, [0.5]);
+  near(answer.couplingMultipliers, [0.5]);
   near(answer.solution.equalityMultipliers.slice(-1), [0.5]);
   assert.equal(rows.length, answer.coordination.iterations);
   assert.ok(rows.at(-1)!.violations.equality <= 1e-6 && rows.at(-1)!.rho > 0);
@@ -78,12 +78,12 @@ test("coupled blocks share a resource with one multiplier", async () => {
 
 test("a block without coupling and initial multipliers are accepted", async () => {
   const apart = { blocks: [cell.blocks[0]!, { problem: arm(2) }], total: [1] };
-  const answer = await client.coupled(apart, { prices: [2], options: { maxIterations: 50 } });
+  const answer = await client.coupled(apart, { couplingMultipliers: [2], options: { maxIterations: 50 } });
   near(
     answer.z.map((z) => z[0]!),
     [1, 2],
   );
-  near(answer.prices, [2]);
+  near(answer.couplingMultipliers, [2]);
 });
 
 test("without the monolithic solve the solution is that of the blocks", async () => {
@@ -117,7 +117,7 @@ test("submitted problems have the same bits later, other jobs have no coordinati
   const later = await client.jobs.coupled(blocks.jobId, cell.blocks, { wait: true });
   const now = await client.coupled(cell);
   assert.deepEqual(later.z, now.z);
-  assert.deepEqual(later.prices, now.prices);
+  assert.deepEqual(later.couplingMultipliers, now.couplingMultipliers);
   const cut = { stages, pieces: 3 };
   const pieces = await client.jobs.submitPieces(long, cut);
   const [one, other] = await Promise.all([
@@ -152,10 +152,10 @@ test("invalid parts are named by the client and by the server", async () => {
   await rejects(client.coupled(second({ ...arm(2), g: [0, Infinity] })), "coupled.blocks[1].problem.g", 1);
   await rejects(client.coupled(second({ ...arm(2), R: [] })), "coupled.blocks[1].problem.R.rows");
   await rejects(client.coupled(second(arm(2), [...coupling, ...coupling])), "coupled.blocks[1].coupling.rows");
-  await rejects(client.coupled(cell, { prices: [1, 2] }), "coupled.prices");
+  await rejects(client.coupled(cell, { couplingMultipliers: [1, 2] }), "coupled.couplingMultipliers");
   await rejects(client.coupled(cell, { proximal: "much" as never }), "coupled.proximal");
   await rejects(client.coupled(cell, { proximal: -1 }), "coupled.proximal");
-  await rejects(client.coupled(cell, { flips: 0.5 }), "coupled.flips");
+  await rejects(client.coupled(cell, { maxPairSwitches: 0.5 }), "coupled.maxPairSwitches");
   await rejects(client.pieces(long, { stages: [0], pieces: 2 }), "coupled.pieces.stages");
   await rejects(client.pieces(long, { stages: stages.map((s) => s - 1), pieces: 2 }), "coupled.pieces.stages", 0);
   await rejects(client.pieces(long, { stages, pieces: 0 }), "coupled.pieces.pieces");

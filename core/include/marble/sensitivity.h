@@ -64,9 +64,9 @@ struct ProblemGradient {
   std::vector<double> R;  ///< one per stored entry
 };
 
-/// Requests how m combinations E z of the variables respond to multipliers (prices) μ on them: the
-/// information that solves coupled by such rows exchange. With the cost μᵀE z added, the branch's solution is
-/// z(μ) = z(0) − P Eᵀμ and
+/// Requests how m combinations E z of the variables respond to multipliers (coupling_multipliers) μ on them:
+/// the information that solves coupled by such rows exchange. With the cost μᵀE z added, the branch's
+/// solution is z(μ) = z(0) − P Eᵀμ and
 ///
 ///   E z(μ) = r − S μ,   r = E z(0),   S = E P Eᵀ ⪰ 0,   P = [K⁻¹]_zz of the branch's system K
 ///

@@ -40,13 +40,14 @@ class Coordinator {
         controls_(controls),
         total_(Eigen::Map<const Vector>(total.data(), static_cast<Eigen::Index>(total.size()))),
         interrupt_(interrupt_of(controls, options.options)),
-        state_{.prices = Vector::Zero(total_.size()), .asks = {}, .answers = {}, .last = {}},
+        state_{.coupling_multipliers = Vector::Zero(total_.size()), .asks = {}, .answers = {}, .last = {}},
         proximal_(options.proximal) {
-    if (controls.start != nullptr && !controls.start->prices.empty())
-      state_.prices = Eigen::Map<const Vector>(controls.start->prices.data(), total_.size());
+    if (controls.start != nullptr && !controls.start->coupling_multipliers.empty())
+      state_.coupling_multipliers =
+          Eigen::Map<const Vector>(controls.start->coupling_multipliers.data(), total_.size());
     for (std::size_t k = 0; k < blocks.rows().size(); ++k) {
       BlockAsk& ask = state_.asks.emplace_back();
-      for (const Index row : blocks.rows()[k]) ask.price.push_back(state_.prices[row]);
+      for (const Index row : blocks.rows()[k]) ask.price.push_back(state_.coupling_multipliers[row]);
       ask.proximal = proximal_;
       ask.centre = blocks.start(k);
       ask.centre.resize(ask.price.size(), 0.0);
@@ -59,7 +60,7 @@ class Coordinator {
   enum class End { agreed, not_yet, failed, stopped };
   // State to return to if a switch does not help.
   struct State {
-    Vector prices;
+    Vector coupling_multipliers;
     std::vector<BlockAsk> asks;
     std::vector<BlockAnswer> answers;  // without their responses
     CoupledIteration last;
@@ -80,7 +81,7 @@ class Coordinator {
   [[nodiscard]] State without_responses() const;
   [[nodiscard]] bool go_back(const State& best);
   [[nodiscard]] bool agree();
-  [[nodiscard]] Expected<void> try_flips();
+  [[nodiscard]] Expected<void> try_switches();
   [[nodiscard]] Coordination ended(Status status, std::string detail);
 
   BlockTicks& blocks_;
@@ -112,7 +113,7 @@ Expected<bool> Coordinator::tick() {
   for (BlockAnswer& answer : state_.answers) responses.push_back(std::move(answer.response));
   state_.responses = std::make_shared<const std::vector<std::vector<double>>>(std::move(responses));
   ++iterations_;
-  for (BlockAsk& ask : state_.asks) ask.flips.clear(), ask.search = false;
+  for (BlockAsk& ask : state_.asks) ask.switched_pairs.clear(), ask.search = false;
   for (const BlockAnswer& answer : state_.answers) factorizations_ += answer.factorizations;
   return !failed();
 }
@@ -184,7 +185,10 @@ bool Coordinator::go_back(const State& best) {
 
 // A state from which the blocks are solved again needs no responses.
 Coordinator::State Coordinator::without_responses() const {
-  return {.prices = state_.prices, .asks = state_.asks, .answers = state_.answers, .last = state_.last};
+  return {.coupling_multipliers = state_.coupling_multipliers,
+          .asks = state_.asks,
+          .answers = state_.answers,
+          .last = state_.last};
 }
 
 // A block's proof holds at any price, and a stop is final.
@@ -195,7 +199,8 @@ bool Coordinator::may_go_back() const {
   return iterations_ > 1 && (status == Status::locally_infeasible || status == Status::numerical_failure);
 }
 
-// Lets each block search for a better branch at the prices on which they agree. Returns true if one improved.
+// Lets each block search for a better branch at the coupling_multipliers on which they agree. Returns true if
+// one improved.
 Expected<bool> Coordinator::search() {
   const State agreed = without_responses();
   const auto back = [&] {
@@ -244,7 +249,7 @@ bool Coordinator::measure() {
   }
   state_.last = {iterations_, max_abs(sum), step, objective, proximal_, frozen(), factorizations_};
   rows_hold_ = state_.last.coupling_violation <= options_.tolerance * (1.0 + value);
-  return rows_hold_ && step <= options_.tolerance * (1.0 + max_abs(state_.prices));
+  return rows_hold_ && step <= options_.tolerance * (1.0 + max_abs(state_.coupling_multipliers));
 }
 
 // Returns false if interrupted; then nothing has changed.
@@ -253,7 +258,7 @@ bool Coordinator::agree() {
   Checkpoint checkpoint(interrupt_);
   Eigen::MatrixXd responses = Eigen::MatrixXd::Zero(m, m);
   Vector violation = -total_, right = -total_, seen_by = Vector::Zero(m);
-  std::vector<Vector> own_prices;
+  std::vector<Vector> own_coupling_multipliers;
   for (std::size_t k = 0; k < state_.answers.size(); ++k) {
     const BlockAnswer& answer = state_.answers[k];
     const BlockAsk& ask = state_.asks[k];
@@ -261,7 +266,7 @@ bool Coordinator::agree() {
     const std::size_t m_k = rows.size();
     const std::vector<double>& response = (*state_.responses)[k];
     if (checkpoint.reached(static_cast<std::int64_t>(m_k * m_k))) return false;
-    Vector& mu = own_prices.emplace_back(static_cast<Eigen::Index>(m_k));
+    Vector& mu = own_coupling_multipliers.emplace_back(static_cast<Eigen::Index>(m_k));
     for (std::size_t i = 0; i < m_k; ++i)
       mu[static_cast<Eigen::Index>(i)] = ask.price[i] + proximal_ * (answer.value[i] - ask.centre[i]);
     for (std::size_t i = 0; i < m_k; ++i) {
@@ -277,25 +282,28 @@ bool Coordinator::agree() {
   }
   const double least = tuning::rounding * std::max(tuning::zero, max_abs(responses.diagonal()));
   responses.diagonal().array() += least;
-  right += least * state_.prices;
+  right += least * state_.coupling_multipliers;
   Vector newton = right;
   if (!solve_semidefinite(responses, newton, interrupt_)) return false;
   const Vector share = violation.cwiseQuotient(seen_by.cwiseMax(1.0));
-  const double left = least * max_abs(newton - state_.prices);  // part of the violation after Newton's step
+  const double left =
+      least * max_abs(newton - state_.coupling_multipliers);  // part of the violation after Newton's step
   blocked_ = !rows_hold_ && left > tuning::coupled_blocked * max_abs(violation);
   const double way = blocked_ ? 0.0 : newton_;
-  state_.prices = (1.0 - way) * (state_.prices + proximal_ * share) + way * newton;
+  state_.coupling_multipliers =
+      (1.0 - way) * (state_.coupling_multipliers + proximal_ * share) + way * newton;
   for (std::size_t k = 0; k < state_.answers.size(); ++k) {
     const BlockAnswer& answer = state_.answers[k];
     BlockAsk& ask = state_.asks[k];
     const std::vector<Index>& rows = blocks_.rows()[k];
     const std::size_t m_k = rows.size();
     const std::vector<double>& response = (*state_.responses)[k];
-    for (std::size_t i = 0; i < m_k; ++i) ask.price[i] = state_.prices[rows[i]];
+    for (std::size_t i = 0; i < m_k; ++i) ask.price[i] = state_.coupling_multipliers[rows[i]];
     for (std::size_t i = 0; i < m_k; ++i) {
       double change = 0.0;
       for (std::size_t j = 0; j < m_k; ++j)
-        change += response[j * m_k + i] * (own_prices[k][static_cast<Eigen::Index>(j)] - newton[rows[j]]);
+        change += response[j * m_k + i] *
+                  (own_coupling_multipliers[k][static_cast<Eigen::Index>(j)] - newton[rows[j]]);
       ask.centre[i] = answer.value[i] - (1.0 - way) * share[rows[i]] + way * change;
     }
   }
@@ -306,7 +314,7 @@ bool Coordinator::agree() {
 // equal blocks all chose the same side. Returns false if no pair has one, or if the limit of switches is
 // reached.
 bool Coordinator::unblock() {
-  if (std::ssize(unblocked_) >= options_.flips) return false;
+  if (std::ssize(unblocked_) >= options_.max_pair_switches) return false;
   std::optional<Pair> hardest;
   double pull = tuning::near;
   for (std::size_t k = 0; k < state_.answers.size(); ++k) {
@@ -323,8 +331,8 @@ bool Coordinator::unblock() {
   before_ = without_responses();
   if (!first_before_) first_before_ = before_;
   unblocked_.push_back(*hardest);
-  state_.asks[hardest->first].flips.push_back(hardest->second);
-  ++result_.flips;
+  state_.asks[hardest->first].switched_pairs.push_back(hardest->second);
+  ++result_.pair_switches;
   return true;
 }
 
@@ -332,17 +340,17 @@ bool Coordinator::unblock() {
 void Coordinator::block_again() {
   const auto [block, pair] = unblocked_.back();
   state_ = *std::exchange(before_, std::nullopt);
-  state_.asks[block].flips.push_back(pair);
+  state_.asks[block].switched_pairs.push_back(pair);
   result_.failed_block.reset();
-  --result_.flips;
+  --result_.pair_switches;
 }
 
 // Tries to switch pairs whose fixed side has a wrong-sign multiplier, the largest first. Keeps the first
 // switch after which the blocks agree at a lower cost, and then considers all pairs again.
-Expected<void> Coordinator::try_flips() {
+Expected<void> Coordinator::try_switches() {
   std::vector<Pair> undo;
   std::vector<Pair> tried;
-  for (int left = options_.flips; left > 0; --left) {
+  for (int left = options_.max_pair_switches; left > 0; --left) {
     std::optional<Pair> hardest;
     double pull = 0.0;
     for (std::size_t k = 0; k < state_.answers.size(); ++k) {
@@ -355,14 +363,14 @@ Expected<void> Coordinator::try_flips() {
     if (!hardest) break;
     tried.push_back(*hardest);
     State before = without_responses();
-    for (const auto& [block, pair] : undo) state_.asks[block].flips.push_back(pair);
+    for (const auto& [block, pair] : undo) state_.asks[block].switched_pairs.push_back(pair);
     undo.clear();
-    state_.asks[hardest->first].flips.push_back(hardest->second);
+    state_.asks[hardest->first].switched_pairs.push_back(hardest->second);
     auto end = iterate(options_.freeze_after);
     if (!end) return unexpected(end.error());
     const double gain = before.last.objective - state_.last.objective;
     if (*end == End::agreed && gain > tuning::exactness * (1.0 + std::abs(before.last.objective))) {
-      ++result_.flips;
+      ++result_.pair_switches;
       tried.clear();
       continue;
     }
@@ -377,7 +385,7 @@ Expected<void> Coordinator::try_flips() {
 Coordination Coordinator::ended(Status status, std::string detail) {
   result_.status = status;
   result_.detail = std::move(detail);
-  result_.prices.assign(state_.prices.begin(), state_.prices.end());
+  result_.coupling_multipliers.assign(state_.coupling_multipliers.begin(), state_.coupling_multipliers.end());
   result_.answers = std::move(state_.answers);
   result_.last = state_.last;
   result_.last.iteration = iterations_;
@@ -399,7 +407,7 @@ Expected<Coordination> Coordinator::run() {
     end = iterate(options_.max_iterations - iterations_, true);
     if (end && *end == End::not_yet && first_before_) {  // the switches did not help
       state_ = *std::move(first_before_);
-      result_.flips = 0;
+      result_.pair_switches = 0;
     }
   }
   if (!end) return unexpected(end.error());
@@ -414,7 +422,7 @@ Expected<Coordination> Coordinator::run() {
                  blocks_.name(block) + " is " + to_string(answer.status) + " by itself: " + answer.detail);
   }
   if (*end == End::agreed && result_.frozen_at > 0) {
-    if (auto flipped = try_flips(); !flipped) return unexpected(flipped.error());
+    if (auto switched = try_switches(); !switched) return unexpected(switched.error());
   }
   const std::string numbers = "coupling rows hold to " + scientific(state_.last.coupling_violation, 1) +
                               " after " + std::to_string(iterations_) + " iterations";
@@ -434,7 +442,8 @@ Expected<void> CoupledOptions::check() const {
   if (freeze_after < 0)
     return unexpected(invalid("freeze_after", std::to_string(freeze_after), "must be >= 0"));
   if (searches < 0) return unexpected(invalid("searches", std::to_string(searches), "must be >= 0"));
-  if (flips < 0) return unexpected(invalid("flips", std::to_string(flips), "must be >= 0"));
+  if (max_pair_switches < 0)
+    return unexpected(invalid("max_pair_switches", std::to_string(max_pair_switches), "must be >= 0"));
   if (!(tolerance > 0.0 && tolerance < 1.0))
     return unexpected(invalid("tolerance", general(tolerance, 6), "must be in (0, 1)"));
   return {};
@@ -448,8 +457,10 @@ Expected<Coordination> coordinate(BlockTicks& blocks, std::span<const double> to
                               "rows tie the blocks; must be at most " + std::to_string(kMostCouplingRows)));
   }
   if (auto valid = check_numbers(total, total.size(), "total"); !valid) return unexpected(valid.error());
-  if (controls.start != nullptr && !controls.start->prices.empty()) {
-    if (auto valid = check_numbers(controls.start->prices, total.size(), "start.prices"); !valid)
+  if (controls.start != nullptr && !controls.start->coupling_multipliers.empty()) {
+    if (auto valid =
+            check_numbers(controls.start->coupling_multipliers, total.size(), "start.coupling_multipliers");
+        !valid)
       return unexpected(valid.error());
   }
   const bool knows_sides = controls.start != nullptr && !controls.start->blocks.empty();

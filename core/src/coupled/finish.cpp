@@ -19,7 +19,7 @@ void append(std::span<const double> values, std::vector<double>& to) {
   to.insert(to.end(), values.begin(), values.end());
 }
 
-// Joins the vectors of all blocks one after the other, followed by the prices.
+// Joins the vectors of all blocks one after the other, followed by the coupling_multipliers.
 Solution stacked(const Coordination& coordination) {
   Solution joint;
   for (const BlockAnswer& answer : coordination.answers) {
@@ -29,7 +29,7 @@ Solution stacked(const Coordination& coordination) {
     append(answer.solution.complementarity_multipliers_L, joint.complementarity_multipliers_L);
     append(answer.solution.complementarity_multipliers_R, joint.complementarity_multipliers_R);
   }
-  append(coordination.prices, joint.equality_multipliers);
+  append(coordination.coupling_multipliers, joint.equality_multipliers);
   return joint;
 }
 

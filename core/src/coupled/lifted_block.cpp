@@ -130,13 +130,13 @@ void LiftedBlock::write_sides() {
   }
 }
 
-Solution LiftedBlock::lifted(const Solution& own, std::span<const double> prices) const {
+Solution LiftedBlock::lifted(const Solution& own, std::span<const double> coupling_multipliers) const {
   Solution solution = own;
   solution.z.resize(at(n_) + rows_.size(), 0.0);
   for (Index j = 0; j < n_; ++j)
     for_column(coupling_, j,
                [&](Index row, double value) { solution.z[at(n_ + local(row))] += value * own.z[at(j)]; });
-  for (const Index row : rows_) solution.equality_multipliers.push_back(prices[at(row)]);
+  for (const Index row : rows_) solution.equality_multipliers.push_back(coupling_multipliers[at(row)]);
   return solution;
 }
 
@@ -165,7 +165,7 @@ Solution LiftedBlock::freeze(const Solution& answer) {
   return same;
 }
 
-void LiftedBlock::flip(Index pair) {
+void LiftedBlock::switch_pair(Index pair) {
   side_[at(pair)] ^= 1U;
   sides_changed_ = true;
 }

@@ -86,19 +86,20 @@ LiftedBlocks::LiftedBlocks(const CoupledView& view, const CoupledOptions& option
     blocks_.push_back(std::make_unique<Block>(block));
     rows_.push_back(blocks_.back()->lifted.rows());
   }
-  std::vector<double> prices = controls.start == nullptr ? std::vector<double>{} : controls.start->prices;
-  prices.resize(view.total.size(), 0.0);
+  std::vector<double> coupling_multipliers =
+      controls.start == nullptr ? std::vector<double>{} : controls.start->coupling_multipliers;
+  coupling_multipliers.resize(view.total.size(), 0.0);
   if (controls.start == nullptr || controls.start->blocks.empty()) {
-    begin_alone(prices);
+    begin_alone(coupling_multipliers);
     return;
   }
   for (std::size_t k = 0; k < blocks_.size(); ++k)
-    blocks_[k]->newest = blocks_[k]->lifted.lifted(controls.start->blocks[k], prices);
+    blocks_[k]->newest = blocks_[k]->lifted.lifted(controls.start->blocks[k], coupling_multipliers);
 }
 
 // Without a start, a block begins at its own solution without a proximal term, because zero may be far from
 // every point that it can reach. A block without a solution begins at zero nevertheless.
-void LiftedBlocks::begin_alone(const std::vector<double>& prices) {
+void LiftedBlocks::begin_alone(const std::vector<double>& coupling_multipliers) {
   const Interrupt interrupt = interrupt_of(controls_, options_);
   each([&](std::size_t k) {
     if (interrupt.requested()) return;
@@ -107,7 +108,7 @@ void LiftedBlocks::begin_alone(const std::vector<double>& prices) {
     (void)or_out_of_memory([&]() -> Expected<void> {
       BlockAsk alone;
       alone.proximal = 0.0;
-      for (const Index row : rows_[k]) alone.price.push_back(prices[at(row)]);
+      for (const Index row : rows_[k]) alone.price.push_back(coupling_multipliers[at(row)]);
       alone.centre.resize(rows_[k].size(), 0.0);
       block.lifted.ask(alone);
       if (auto opened = open(block); !opened) return opened;
@@ -155,7 +156,7 @@ Expected<BlockAnswer> LiftedBlocks::solve(Block& block, const BlockAsk& ask) {
     memory_.give_back(block.response.memory_bytes());
     block.solver.reset(), block.response.forget();
   }
-  for (const Index pair : ask.flips) block.lifted.flip(pair);
+  for (const Index pair : ask.switched_pairs) block.lifted.switch_pair(pair);
   block.lifted.ask(ask);
   const ProblemUpdate update = block.lifted.update();
   const bool fresh = block.solver == nullptr;

@@ -33,7 +33,7 @@ class LiftedBlocks final : public BlockTicks {
     int factorizations = 0;          // not reported yet
   };
   [[nodiscard]] Expected<void> open(Block& block) const;
-  void begin_alone(const std::vector<double>& prices);
+  void begin_alone(const std::vector<double>& coupling_multipliers);
   void each(const std::function<void(std::size_t)>& work) const;
   [[nodiscard]] Expected<BlockAnswer> solve(Block& block, const BlockAsk& ask);
 

@@ -255,7 +255,7 @@ Expected<Pieces> cut(const Problem& problem, std::span<const Index> piece_of_var
 // The price of a copy is the remainder of its piece's stationarity at this variable.
 CoupledStart Pieces::start(const Solution& whole) const {
   CoupledStart start;
-  start.prices.assign(total.size(), 0.0);
+  start.coupling_multipliers.assign(total.size(), 0.0);
   std::vector<std::vector<Index>> home(blocks.size());  // by piece: each variable's index in the whole
   for (std::size_t k = 0; k < blocks.size(); ++k) home[k].assign(blocks[k].g.size(), -1);
   for (std::size_t j = 0; j < variables.size(); ++j)
@@ -296,7 +296,7 @@ CoupledStart Pieces::start(const Solution& whole) const {
     add(p.A, own.equality_multipliers, 1.0), add(p.C, own.inequality_multipliers, -1.0);
     add(p.L, own.complementarity_multipliers_L, -1.0), add(p.R, own.complementarity_multipliers_R, -1.0);
     for_entries(coupling[k].view(), [&](Index row, Index j, double value) {
-      if (value > 0.0) start.prices[at(row)] = -residual[at(j)];
+      if (value > 0.0) start.coupling_multipliers[at(row)] = -residual[at(j)];
     });
   }
   return start;

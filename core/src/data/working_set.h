@@ -34,7 +34,7 @@ struct WorkingSet {
   }
   /// Switches to the other branch: the free side becomes the fixed one. The other side is held if the free
   /// side was.
-  void flip(Index pair) {
+  void switch_pair(Index pair) {
     s_fixed[pair] ^= 1U;
     std::swap(held[layout.s(pair)], held[layout.t(pair)]);
   }

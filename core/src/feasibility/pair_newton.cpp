@@ -25,7 +25,7 @@ bool pair_newton(Run& run, const ScaledProblem& problem, BranchPoint& point) {
       const double side = point.images.rows.all[point.set.free_row(pair)];
       if (side >= -tuning::exactness) continue;
       negative -= side;
-      point.set.flip(pair);
+      point.set.switch_pair(pair);
     }
     if (negative == 0.0) return true;
     if (negative >= last) return false;

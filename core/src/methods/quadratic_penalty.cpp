@@ -41,7 +41,7 @@ bool PiecewisePenalty::choose_sides(double rho) {
     const auto shifted = [&](Index row) { return point.images.rows.all[row] + estimate[row] / rho; };
     const double lead = shifted(point.set.fixed_row(i)) - shifted(point.set.free_row(i));
     if (lead <= tuning::exactness || shifted(point.set.fixed_row(i)) <= 0.0) continue;
-    point.set.flip(i);
+    point.set.switch_pair(i);
     changed = true;
   }
   return changed;

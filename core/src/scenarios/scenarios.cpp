@@ -100,7 +100,7 @@ class Levels {
         most_(std::min(settings.max_sample_size, problem.scenarios)),
         progress_(controls.progress) {}
 
-  Expected<ScenarioAnswer> run() {
+  Expected<ScenarioSolution> run() {
     const PhaseScope phase(controls_.activity, Phase::scenarios, most_);
     std::int64_t count = std::min(settings_.initial_sample_size, most_);
     for (double size = static_cast<double>(settings_.initial_sample_size);;) {
@@ -386,7 +386,7 @@ class Levels {
     return std::nullopt;
   }
 
-  Expected<ScenarioAnswer> end_unsolved(ScenarioLevel& level, const Solution& solution) {
+  Expected<ScenarioSolution> end_unsolved(ScenarioLevel& level, const Solution& solution) {
     answer_.status = solution.status;
     report(level);
     if (solution.status == Status::cancelled) return end(ScenarioEnd::cancelled, solution.detail);
@@ -397,7 +397,7 @@ class Levels {
     return end(ScenarioEnd::not_solved, detail);
   }
 
-  Expected<ScenarioAnswer> end(ScenarioEnd why, std::string detail) {
+  Expected<ScenarioSolution> end(ScenarioEnd why, std::string detail) {
     answer_.end = why;
     answer_.detail = std::move(detail);
     if (why == ScenarioEnd::cancelled) answer_.status = Status::cancelled;
@@ -431,7 +431,7 @@ class Levels {
   std::vector<Solution> parts_;     // of solution_, by scenario
   std::vector<Recourse> recourse_;  // of the scenarios after that level
   std::int64_t batch_bytes_ = 0;    // memory for a solver of one scenario beside the level's solver
-  ScenarioAnswer answer_;
+  ScenarioSolution answer_;
 };
 
 }  // namespace
@@ -460,8 +460,8 @@ Expected<void> check_scenarios(const ScenarioProblem& problem, const ScenarioSet
   return stages ? Expected<void>() : unexpected(stages.error());
 }
 
-Expected<ScenarioAnswer> solve_scenarios(const ScenarioProblem& problem, const ScenarioSettings& settings,
-                                         const SolveControls& controls, const SetupControls& setup) {
+Expected<ScenarioSolution> solve_scenarios(const ScenarioProblem& problem, const ScenarioSettings& settings,
+                                           const SolveControls& controls, const SetupControls& setup) {
   if (auto valid = validate_settings(settings); !valid) return unexpected(valid.error());
   auto stages = Stages::create(problem);
   if (!stages) return unexpected(stages.error());

@@ -19,21 +19,21 @@ SearchPlan from_soft() {
   return {.rho_first = tuning::soft_rho,
           .rho_soft = tuning::middle_rho,
           .first_patience = tuning::search_patience,
-          .flip_patience = tuning::search_patience};
+          .switch_patience = tuning::search_patience};
 }
 
 SearchPlan from_penalty_end() {
   return {.rho_first = tuning::middle_rho,
           .rho_soft = tuning::middle_rho,
           .first_patience = tuning::search_patience,
-          .flip_patience = tuning::search_patience};
+          .switch_patience = tuning::search_patience};
 }
 
 SearchPlan from_interior_point(bool search) {
   return {.rho_first = tuning::middle_rho,
           .rho_last = tuning::interior_rho,
           .rho_exchange = tuning::interior_rho,
-          .flip_patience = search ? tuning::search_patience : 0,
+          .switch_patience = search ? tuning::search_patience : 0,
           .exchange_patience = search ? tuning::search_patience : 0};
 }
 

@@ -44,18 +44,19 @@ bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) 
     if (!elastic_.solve(run, rho, rows, budget)) return false;
     parametric_.start(elastic_);
     if (!std::exchange(resumes, false)) {
-      flip_failures_ = exchange_failures_ = 0;
+      switch_failures_ = exchange_failures_ = 0;
       failed_exchanges_.clear();
       failed_multiplier_.setConstant(std::numeric_limits<double>::infinity());
     }
     const bool last = rho >= plan.rho_last || largest_violation() < tuning::near;
-    const bool flips = first || last || rho <= plan.rho_soft;
+    const bool switches = first || last || rho <= plan.rho_soft;
     int before = 0;
     do {
       before = accepted_;
       if (rho >= plan.rho_exchange) search_exchanges(run, plan.exchange_patience, last_factorization);
-      if (flips) search_flips(run, first ? plan.first_patience : plan.flip_patience, last_factorization);
-      if (!run.interrupted()) flip_failures_ = 0;
+      if (switches)
+        search_switches(run, first ? plan.first_patience : plan.switch_patience, last_factorization);
+      if (!run.interrupted()) switch_failures_ = 0;
     } while (rho >= plan.rho_exchange && accepted_ > before && !lost_ && !run.interrupted() &&
              run.factorizations < last_factorization);
     if (last || lost_) return !lost_;
@@ -89,7 +90,7 @@ void LocalSearch::sort_candidates() {
 
 // Lists pairs whose fixed side has a wrong-sign multiplier, ordered by that multiplier relative to the
 // distance of the other side from zero.
-void LocalSearch::rank_flips() {
+void LocalSearch::rank_switches() {
   candidates_.clear();
   for (Index pair = 0; pair < problem_.pairs(); ++pair) {
     const double multiplier = parametric_.multiplier(parametric_.fixed_row(pair));
@@ -104,12 +105,12 @@ void LocalSearch::rank_flips() {
 }
 
 // Takes the first improvement and continues through the same list, until a whole list gives none.
-void LocalSearch::search_flips(Run& run, int patience, int last_factorization) {
+void LocalSearch::search_switches(Run& run, int patience, int last_factorization) {
   for (bool any = true; any;) {
     any = false;
-    rank_flips();
+    rank_switches();
     for (const Candidate& candidate : candidates_) {
-      if (lost_ || flip_failures_ >= patience || run.factorizations >= last_factorization ||
+      if (lost_ || switch_failures_ >= patience || run.factorizations >= last_factorization ||
           run.interrupted())
         return;
       const Index pair = candidate.pair;
@@ -119,14 +120,14 @@ void LocalSearch::search_flips(Run& run, int patience, int last_factorization) {
       if (multiplier > -tuning::pull) continue;
       failed_multiplier_[pair] = multiplier;
       failed_slack_[pair] = parametric_.slack(free);
-      const Parametric::Move flip[] = {{fixed, false}, {free, true}};
-      if (parametric_.follow(flip, elastic_.objective() - least_improvement(), 0.0) &&
+      const Parametric::Move moves[] = {{fixed, false}, {free, true}};
+      if (parametric_.follow(moves, elastic_.objective() - least_improvement(), 0.0) &&
           take(run, {&pair, 1})) {
         any = true;
-        flip_failures_ = 0;
+        switch_failures_ = 0;
         failed_multiplier_[pair] = std::numeric_limits<double>::infinity();
       } else {
-        ++flip_failures_;
+        ++switch_failures_;
       }
     }
   }
@@ -137,7 +138,7 @@ bool LocalSearch::take(Run& run, std::span<const Index> pairs) {
   before_ = next_ = elastic_.point().set;
   const double rho = elastic_.rho();
   const double target = elastic_.objective() - 0.5 * least_improvement();
-  for (const Index pair : pairs) next_.flip(pair);
+  for (const Index pair : pairs) next_.switch_pair(pair);
   parametric_.read_active_rows(next_);
   elastic_.point().set = next_;
   const bool better = elastic_.solve(run, rho, ElasticRelaxation::Rows::held, tuning::engine_budget) &&

@@ -1,6 +1,6 @@
 // Local search over branches: which side of each pair is zero.
 //
-// The moves are switches (flips) of one pair and exchanges of two, which Parametric evaluates without a
+// The moves are switches (switches) of one pair and exchanges of two, which Parametric evaluates without a
 // factorization. The search works on the elastic problem while its ρ rises: in a soft problem a pair can
 // change sides before all others have settled, in a feasible one it cannot.
 #pragma once
@@ -26,7 +26,7 @@ struct SearchPlan {
   bool from_exact = false;  ///< the point is the exact solution of its branch, not only near it
   bool resumes = false;    ///< continues at the ρ and with the anchor of the last run, which was interrupted
   int first_patience = 0;  ///< consecutive switches that may fail at the first ρ
-  int flip_patience = 0;   ///< the same at later ones
+  int switch_patience = 0;    ///< the same at later ones
   int exchange_patience = 0;  ///< consecutive exchanges of two pairs that may fail
 };
 
@@ -47,10 +47,10 @@ class LocalSearch {
     Index pair;
     double rank;  // lower ranks are tried first
   };
-  void search_flips(Run& run, int patience, int last_factorization);
+  void search_switches(Run& run, int patience, int last_factorization);
   void search_exchanges(Run& run, int patience, int last_factorization);
   [[nodiscard]] bool exchange_some(Run& run, int patience, int last_factorization);
-  void rank_flips();
+  void rank_switches();
   void rank_exchanges();
   void find_companions(Index pair);
   [[nodiscard]] bool failed_before(const Candidate& candidate, const Candidate& companion) const;
@@ -69,8 +69,8 @@ class LocalSearch {
   Vector failed_multiplier_, failed_slack_;  // at a pair's last failure: not retried if similar
   Reporter reporter_;
   int accepted_ = 0;
-  int flip_failures_ = 0, exchange_failures_ = 0;  // consecutive; kept if a run is interrupted
-  double rho_ = 0.0;                               // the current ρ, or that of the interrupted last run
+  int switch_failures_ = 0, exchange_failures_ = 0;  // consecutive; kept if a run is interrupted
+  double rho_ = 0.0;                                 // the current ρ, or that of the interrupted last run
   bool lost_ = false;  // a move was undone, and the optimum before it was not found again
 };
 

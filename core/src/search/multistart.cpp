@@ -66,7 +66,7 @@ void Multistart::search_neighbours(Run& run, int last) {
   for (Index useless = 0; useless < pairs; ++useless) {
     if (run.factorizations >= last || run.interrupted()) return;
     WorkingSet branch = set_;
-    branch.flip(pair);
+    branch.switch_pair(pair);
     if (minimize(run, Vector(x_.z()), &branch, last)) {
       if (is_searched()) return;
       useless = -1;

@@ -26,7 +26,7 @@ double ms_since(Clock::time_point begin) {
 constexpr int kThreads = 2;  // the number of cores of the measuring machine
 
 struct CoupledTally {
-  int solved = 0, as_good = 0, better = 0, agreed = 0, frozen = 0, flips = 0, wrong = 0;
+  int solved = 0, as_good = 0, better = 0, agreed = 0, frozen = 0, switches = 0, wrong = 0;
   std::vector<double> iterations, factorizations, joint_factorizations, ms, joint_ms, gaps;
 };
 
@@ -49,7 +49,7 @@ void random_family(const char* name, const testing::CoupledSizes& sizes, int see
         static_cast<double>(answer.coordination.last.factorizations + answer.joint.factorizations));
     tally.agreed += answer.coordination.status == Status::solved;
     tally.frozen += answer.coordination.frozen_at > 0;
-    tally.flips += answer.coordination.flips;
+    tally.switches += answer.coordination.pair_switches;
     if (!is_solved(answer.joint.status)) {
       std::printf("  seed %d: %s, whole %s\n", seed, to_string(answer.joint.status), to_string(whole.status));
       tally.as_good += !is_solved(whole.status);
@@ -78,7 +78,7 @@ std::vector<Index> stages_of_hopper(int steps) {
 
 void hoppers_in_pieces(int only_steps) {
   std::printf("%6s %6s %22s %8s %6s %12s %9s %12s %16s %16s %10s %22s\n", "steps", "pieces", "pieces end",
-              "iterat.", "flips", "fact. blocks", "joint", "ms", "objective", "of the blocks", "whole ms",
+              "iterat.", "switches", "fact. blocks", "joint", "ms", "objective", "of the blocks", "whole ms",
               "whole");
   testing::Threads threads(kThreads);
   for (const auto& [steps, pieces] :
@@ -95,7 +95,8 @@ void hoppers_in_pieces(int only_steps) {
         solve_in_pieces(problem, stages_of_hopper(steps), options, {.runner = &threads}).value();
     const double ms = ms_since(begin);
     std::printf("%6d %6d %22s %8d %6d %12lld %9d %12.1f %16.9f %16.9f", steps, pieces,
-                to_string(answer.whole.status), answer.coordination.last.iteration, answer.coordination.flips,
+                to_string(answer.whole.status), answer.coordination.last.iteration,
+                answer.coordination.pair_switches,
                 static_cast<long long>(answer.coordination.last.factorizations), answer.whole.factorizations,
                 ms, answer.whole.objective, answer.blocks_objective);
     std::fflush(stdout);

@@ -34,7 +34,7 @@ void optima(const OneNumberScenarios& rocket) {
     std::vector<double> altitudes;
     for (int j = 0; j < scenarios; ++j) altitudes.push_back(3.0 + 1.8 * (j + 0.5) / scenarios);
     const double begun = cpu_ms();
-    const ScenarioAnswer answer =
+    const ScenarioSolution answer =
         solve_scenarios(
             rocket.scenarios(altitudes),
             {.initial_sample_size = scenarios, .max_sample_size = scenarios, .out_of_sample_scenarios = 0})
@@ -46,7 +46,7 @@ void optima(const OneNumberScenarios& rocket) {
     std::fflush(stdout);
   }
   for (const double altitude : {4.8, 5.138, 5.392}) {
-    const ScenarioAnswer answer = solve_scenarios(rocket.scenarios({altitude})).value();
+    const ScenarioSolution answer = solve_scenarios(rocket.scenarios({altitude})).value();
     std::printf("%6.3f m alone: %s %.6f\n", altitude, to_string(answer.status), answer.objective);
   }
   std::printf("\n");
@@ -75,7 +75,7 @@ void chains(const OneNumberScenarios& rocket, const Settings& settings) {
     const ScenarioProblem problem =
         rocket.scenarios(draws(static_cast<std::uint64_t>(seed), kScenarios, 3.0, 4.8));
     const double begun = cpu_ms();
-    const ScenarioAnswer grown = solve_scenarios(problem, {.max_sample_size = kScenarios}).value();
+    const ScenarioSolution grown = solve_scenarios(problem, {.max_sample_size = kScenarios}).value();
     const double ms = cpu_ms() - begun;
     std::int64_t factorizations = 0;
     for (const ScenarioLevel& level : grown.levels)

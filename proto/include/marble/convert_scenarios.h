@@ -31,8 +31,8 @@ void to_message(const ScenarioLevel& level, v1::ScenarioLevel* message);
 [[nodiscard]] ScenarioLevel scenario_level_of(const v1::ScenarioLevel& message);
 
 /// Copies what the solution does not contain.
-void to_message(const ScenarioAnswer& answer, v1::ScenarioOutcome* message);
+void to_message(const ScenarioSolution& answer, v1::ScenarioOutcome* message);
 /// Returns the result in a solution, whose scenario outcome must be set.
-[[nodiscard]] ScenarioAnswer scenario_answer_of(const v1::Solution& message);
+[[nodiscard]] ScenarioSolution scenario_solution_of(const v1::Solution& message);
 
 }  // namespace marble

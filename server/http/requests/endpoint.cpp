@@ -26,7 +26,7 @@ httplib::Server::Handler endpoint(const ServiceParts& parts, Answer answer) {
   };
 }
 
-Expected<void> wait_for(const Afterwards& afterwards) {
+Expected<void> wait_for(const OnFinished& afterwards) {
   if (!afterwards) return {};
   const auto ended = std::make_shared<std::promise<Expected<void>>>();
   afterwards([ended](const Expected<void>& how) { ended->set_value(how); });
@@ -34,7 +34,7 @@ Expected<void> wait_for(const Afterwards& afterwards) {
 }
 
 Expected<void> look(const ServiceParts& parts, const std::string& id) {
-  return wait_for([&](Settled settled) { parts.submissions->look(id, std::move(settled)); });
+  return wait_for([&](CompletionCallback settled) { parts.submissions->look(id, std::move(settled)); });
 }
 
 Expected<void> check_parameters(const httplib::Request& request, std::initializer_list<const char*> known) {

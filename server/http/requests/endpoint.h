@@ -18,7 +18,7 @@ using Answer = std::function<Expected<void>(const httplib::Request&, const Ident
 /// Submissions::look(), on a thread that may block.
 [[nodiscard]] Expected<void> look(const ServiceParts& parts, const std::string& id = "");
 /// Called on a thread that may block.
-[[nodiscard]] Expected<void> wait_for(const Afterwards& afterwards);
+[[nodiscard]] Expected<void> wait_for(const OnFinished& afterwards);
 
 /// Sends the error to the client and logs it.
 void refuse(const Log& log, const httplib::Request& request, const Error& error, httplib::Response& response);

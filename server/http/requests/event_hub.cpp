@@ -64,8 +64,11 @@ struct EventHub::Topic {
   bool starts = false;                      // report from the start; hub's thread only
 };
 
-EventHub::EventHub(const ServiceParts& parts, Places& places)
-    : parts_(parts), places_(places), feeds_(std::numeric_limits<int>::max()), thread_([this] { run(); }) {}
+EventHub::EventHub(const ServiceParts& parts, Semaphore& semaphore)
+    : parts_(parts),
+      semaphore_(semaphore),
+      feeds_(std::numeric_limits<int>::max()),
+      thread_([this] { run(); }) {}
 
 EventHub::~EventHub() {
   stop();
@@ -95,7 +98,7 @@ Expected<std::unique_ptr<EventHub::Viewer>> EventHub::join(const Identity& calle
   const Quota quota = parts_.access.quota_of(caller.client);
   if (auto entered = parts_.feeds.enter(caller.client, quota.watchers); !entered)
     return unexpected(entered.error());
-  auto place = places_.stay();
+  auto place = semaphore_.stay();
   if (!place) {
     parts_.feeds.leave(caller.client);
     return unexpected(place.error());
@@ -217,7 +220,7 @@ EventHub::Frame EventHub::server_frame() const {
   nlohmann::json json = nlohmann::json::parse(to_json(counters));
   json["workers"] = parts_.scheduler.limits().workers;
   json["uptime_s"] = std::chrono::duration<double>(Clock::now() - parts_.started).count();
-  json["state"] = parts_.scheduler.is_leaving() ? "draining" : "serving";
+  json["state"] = parts_.scheduler.is_draining() ? "draining" : "serving";
   json["jobs_watchers"] = parts_.feeds.open();
   const LastMinute::Sum last_minute = parts_.scheduler.last_minute();
   json["answered_last_minute"] = last_minute.answered;

@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "http/requests/places.h"
+#include "http/requests/semaphore.h"
 #include "mutex.h"
 #include "service/service_parts.h"
 
@@ -31,7 +31,7 @@ class EventHub {
       125};  ///< of one job's events; those of all jobs come every second tick
 
   /// Each viewer has a place, and one of parts.feeds.
-  EventHub(const ServiceParts& parts, Places& places);
+  EventHub(const ServiceParts& parts, Semaphore& semaphore);
   ~EventHub();
   EventHub(const EventHub&) = delete;
   EventHub& operator=(const EventHub&) = delete;
@@ -55,7 +55,7 @@ class EventHub {
 
    private:
     friend class EventHub;
-    Viewer(EventHub& hub, Places::Place place, std::string client, std::shared_ptr<Topic> topic,
+    Viewer(EventHub& hub, Semaphore::Permit place, std::string client, std::shared_ptr<Topic> topic,
            std::int64_t at)
         : hub_(hub),
           place_(std::move(place)),
@@ -63,7 +63,7 @@ class EventHub {
           topic_(std::move(topic)),
           at_(at) {}
     EventHub& hub_;
-    const Places::Place place_;
+    const Semaphore::Permit place_;
     const std::string client_;
     const std::shared_ptr<Topic> topic_;
     std::int64_t at_;  // number of the frame to read next
@@ -89,7 +89,7 @@ class EventHub {
   [[nodiscard]] Frame server_frame() const;
 
   const ServiceParts& parts_;
-  Places& places_;
+  Semaphore& semaphore_;
   FeedLimit feeds_;  // of the topics: the limit is on viewers
   std::int64_t tick_ = 0;
   Mutex mutex_;

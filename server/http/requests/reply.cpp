@@ -69,12 +69,12 @@ namespace {
 // Provides `length` bytes, all of them in one call; `put` writes them until the sink takes no more. What it
 // owns lives as long as the response.
 template <class Put>
-Expected<void> reply_held(httplib::Response& response, Places& places, Places::Place memory,
+Expected<void> reply_held(httplib::Response& response, Semaphore& semaphore, Semaphore::Permit memory,
                           std::uint64_t length, const char* type, const Put& put) {
-  auto thread = places.stay();
+  auto thread = semaphore.stay();
   if (!thread) return unexpected(thread.error());
-  const auto held =
-      std::make_shared<std::pair<Places::Place, Places::Place>>(std::move(memory), *std::move(thread));
+  const auto held = std::make_shared<std::pair<Semaphore::Permit, Semaphore::Permit>>(std::move(memory),
+                                                                                      *std::move(thread));
   response.set_content_provider(
       static_cast<std::size_t>(length), type, [held, put](std::size_t, std::size_t, httplib::DataSink& sink) {
         return put([&sink](std::string_view piece) { return sink.write(piece.data(), piece.size()); });
@@ -84,7 +84,7 @@ Expected<void> reply_held(httplib::Response& response, Places& places, Places::P
 
 }  // namespace
 
-Expected<void> reply_long_json(httplib::Response& response, Places& places, Places::Place memory,
+Expected<void> reply_long_json(httplib::Response& response, Semaphore& semaphore, Semaphore::Permit memory,
                                std::shared_ptr<const google::protobuf::Message> message) {
   std::string text;  // JSON of a short message
   std::uint64_t length = 0;
@@ -99,21 +99,21 @@ Expected<void> reply_long_json(httplib::Response& response, Places& places, Plac
   }
   const auto size = static_cast<std::int64_t>(message->SpaceUsedLong()) + kJsonPieceBytes;
   if (auto resized = memory.resize(size); !resized) return resized;
-  return reply_held(response, places, std::move(memory), length, kJson,
+  return reply_held(response, semaphore, std::move(memory), length, kJson,
                     [message](const TextSink& sink) { return write_message_json(*message, sink); });
 }
 
-Expected<void> reply_long_json(httplib::Response& response, Places& places, const std::string& client,
+Expected<void> reply_long_json(httplib::Response& response, Semaphore& semaphore, const std::string& client,
                                std::shared_ptr<const google::protobuf::Message> message) {
-  auto memory = places.hold(client, 0);
+  auto memory = semaphore.hold(client, 0);
   if (!memory) return unexpected(memory.error());
-  return reply_long_json(response, places, *std::move(memory), std::move(message));
+  return reply_long_json(response, semaphore, *std::move(memory), std::move(message));
 }
 
-Expected<void> reply_long_bytes(httplib::Response& response, Places& places, Places::Place memory,
+Expected<void> reply_long_bytes(httplib::Response& response, Semaphore& semaphore, Semaphore::Permit memory,
                                 std::shared_ptr<const std::string> bytes, const char* type) {
   const std::size_t length = bytes->size();
-  return reply_held(response, places, std::move(memory), length, type,
+  return reply_held(response, semaphore, std::move(memory), length, type,
                     [bytes](const TextSink& sink) { return sink(*bytes); });
 }
 

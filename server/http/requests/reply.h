@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "http/requests/places.h"
+#include "http/requests/semaphore.h"
 #include "marble/error.h"
 
 namespace marble::server::http {
@@ -19,18 +19,18 @@ void reply_json(httplib::Response& response, const google::protobuf::Message& me
 
 /// Sends a message of any length; the JSON of a long one is made while it is sent. The message, `memory` and
 /// a thread are held until the last byte is sent or the connection ends. Errors: resource_exhausted.
-[[nodiscard]] Expected<void> reply_long_json(httplib::Response& response, Places& places,
-                                             Places::Place memory,
+[[nodiscard]] Expected<void> reply_long_json(httplib::Response& response, Semaphore& semaphore,
+                                             Semaphore::Permit memory,
                                              std::shared_ptr<const google::protobuf::Message> message);
 /// The same for a message whose memory is not counted yet, for this client.
-[[nodiscard]] Expected<void> reply_long_json(httplib::Response& response, Places& places,
+[[nodiscard]] Expected<void> reply_long_json(httplib::Response& response, Semaphore& semaphore,
                                              const std::string& client,
                                              std::shared_ptr<const google::protobuf::Message> message);
 
 /// The same for existing bytes.
-[[nodiscard]] Expected<void> reply_long_bytes(httplib::Response& response, Places& places,
-                                              Places::Place memory, std::shared_ptr<const std::string> bytes,
-                                              const char* type);
+[[nodiscard]] Expected<void> reply_long_bytes(httplib::Response& response, Semaphore& semaphore,
+                                              Semaphore::Permit memory,
+                                              std::shared_ptr<const std::string> bytes, const char* type);
 
 /// Sends existing JSON.
 void reply_text(httplib::Response& response, std::string json);

@@ -41,7 +41,7 @@ class BoundedServer final : public httplib::Server {
 
   /// Called after a port was bound, because many clients may connect at once: httplib's backlog of five
   /// overflows, and the sixth client waits a second until its kernel retries.
-  void queue_at_the_door() { ::listen(svr_sock_, SOMAXCONN); }
+  void set_listen_backlog() { ::listen(svr_sock_, SOMAXCONN); }
   /// Returns when all requests that have arrived have their replies, or in about this time: no request is
   /// waited for any more, and clients have this long to read their replies. Call it before stop(), after
   /// which httplib sends no more of a reply.

@@ -42,7 +42,7 @@ TEST_F(CoupledCommand, ReportsALineAnIterationAndThenTheAnswer) {
     ASSERT_GE(lines.size(), 2U) << where;
     EXPECT_EQ(lines[0]["iteration"], 1);
     EXPECT_EQ(lines.back()["status"], "solved");
-    EXPECT_NEAR(lines.back()["prices"][0].get<double>(), 0.5, 1e-7);
+    EXPECT_NEAR(lines.back()["coupling_multipliers"][0].get<double>(), 0.5, 1e-7);
     EXPECT_NEAR(lines.back()["z"][0][0].get<double>(), 2.5, 1e-7);
     EXPECT_NEAR(lines.back()["z"][1][0].get<double>(), 1.5, 1e-7);
   }

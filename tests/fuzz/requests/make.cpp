@@ -393,14 +393,14 @@ v1::SolveRequest make_coupled(Draw& draw) {
     }
     if (draw.chance(30)) total = drawn(total.size(), draw);
     assign(total, c.mutable_total());
-    if (draw.chance(20)) assign(drawn(total.size(), draw), c.mutable_prices());
+    if (draw.chance(20)) assign(drawn(total.size(), draw), c.mutable_coupling_multipliers());
     if (draw.chance(20)) c.set_joint(draw.chance(50));
   }
   if (draw.chance(20)) c.set_joint_search(draw.chance(50));
   if (draw.chance(20)) c.set_max_iterations(draw.between(1, 20));
   if (draw.chance(20)) c.set_freeze_after(draw.between(0, 5));
   if (draw.chance(20)) c.set_searches(draw.between(0, 2));
-  if (draw.chance(20)) c.set_flips(draw.between(0, 3));
+  if (draw.chance(20)) c.set_switches(draw.between(0, 3));
   if (draw.chance(10)) c.set_proximal(draw.chance(50) ? 10.0 : draw.hostile());
   if (draw.chance(10)) c.set_tolerance(draw.chance(50) ? 1e-6 : draw.hostile());
   return request;

@@ -14,9 +14,9 @@
 namespace marble {
 namespace {
 
-// ½(x₁ − 3)² + ½(x₂ − 4)² + ½‖y‖², 0 ≤ xᵢ ⊥ yᵢ ≥ 0, y₁ + y₂ ≥ 0.1: x = (3, 0) is a local optimum that no flip
-// leaves. At κ = 10⁻² the path is feasible to loose tolerances and clearly lower than any branch. A pair u ≥
-// 1 ⊥ v makes a start with u = 0 one to be restored.
+// ½(x₁ − 3)² + ½(x₂ − 4)² + ½‖y‖², 0 ≤ xᵢ ⊥ yᵢ ≥ 0, y₁ + y₂ ≥ 0.1: x = (3, 0) is a local optimum that no
+// switch leaves. At κ = 10⁻² the path is feasible to loose tolerances and clearly lower than any branch. A
+// pair u ≥ 1 ⊥ v makes a start with u = 0 one to be restored.
 OwnedProblem lower_path() {
   OwnedProblem p;
   p.name = "a path lower than its branch";

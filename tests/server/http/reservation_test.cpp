@@ -18,51 +18,51 @@ std::shared_ptr<v1::SolveResponse> answer_of(int numbers) {
   return message;
 }
 
-TEST(Places, AreGivenBackAndNeverMoreThanThereAre) {
-  Places places(1, 100);
+TEST(Semaphore, AreGivenBackAndNeverMoreThanThereAre) {
+  Semaphore places(1, 100);
   {
-    const auto first = places.stay();
+    const auto first = semaphore.stay();
     ASSERT_TRUE(first);
-    const auto second = places.stay();
+    const auto second = semaphore.stay();
     ASSERT_FALSE(second);
     EXPECT_EQ(second.error().code, ErrorCode::resource_exhausted);
-    EXPECT_TRUE(places.hold("alice", 50)) << "memory is counted by itself";
+    EXPECT_TRUE(semaphore.hold("alice", 50)) << "memory is counted by itself";
   }
-  EXPECT_TRUE(places.stay());
+  EXPECT_TRUE(semaphore.stay());
 }
 
-TEST(Places, MemoryIsSharedAndOneRequestAloneMayHaveMore) {
-  Places places(1, 100);
+TEST(Semaphore, MemoryIsSharedAndOneRequestAloneMayHaveMore) {
+  Semaphore places(1, 100);
   {
-    const auto some = places.hold("alice", 60);
+    const auto some = semaphore.hold("alice", 60);
     ASSERT_TRUE(some);
-    EXPECT_TRUE(places.hold("bob", 40));
-    EXPECT_FALSE(places.hold("bob", 41));
-    EXPECT_FALSE(places.hold("bob", 1000));
+    EXPECT_TRUE(semaphore.hold("bob", 40));
+    EXPECT_FALSE(semaphore.hold("bob", 41));
+    EXPECT_FALSE(semaphore.hold("bob", 1000));
   }
-  const auto alone = places.hold("alice", 1000);
+  const auto alone = semaphore.hold("alice", 1000);
   ASSERT_TRUE(alone);
-  EXPECT_FALSE(places.hold("bob", 1));
+  EXPECT_FALSE(semaphore.hold("bob", 1));
 }
 
-TEST(Places, OneClientTakesHalfOfTheMemoryAtMost) {
-  Places places(1, 100);
-  const auto first = places.hold("alice", 30);
+TEST(Semaphore, OneClientTakesHalfOfTheMemoryAtMost) {
+  Semaphore places(1, 100);
+  const auto first = semaphore.hold("alice", 30);
   ASSERT_TRUE(first);
-  const auto second = places.hold("alice", 30);
+  const auto second = semaphore.hold("alice", 30);
   ASSERT_FALSE(second);
   EXPECT_THAT(second.error().bound, HasSubstr("this client"));
-  EXPECT_TRUE(places.hold("alice", 20));
-  EXPECT_TRUE(places.hold("bob", 50));
+  EXPECT_TRUE(semaphore.hold("alice", 20));
+  EXPECT_TRUE(semaphore.hold("bob", 50));
 }
 
-TEST(Places, ResizeToWhatARequestReallyTakes) {
-  Places places(1, 100);
-  auto one = places.hold("alice", 100);
+TEST(Semaphore, ResizeToWhatARequestReallyTakes) {
+  Semaphore places(1, 100);
+  auto one = semaphore.hold("alice", 100);
   ASSERT_TRUE(one);
-  EXPECT_FALSE(places.hold("bob", 1));
+  EXPECT_FALSE(semaphore.hold("bob", 1));
   ASSERT_TRUE(one->resize(20));
-  auto other = places.hold("bob", 80);
+  auto other = semaphore.hold("bob", 80);
   ASSERT_TRUE(other);
   EXPECT_FALSE(one->resize(21));
   EXPECT_TRUE(other->resize(79));
@@ -70,19 +70,19 @@ TEST(Places, ResizeToWhatARequestReallyTakes) {
 }
 
 TEST(LongAnswer, HoldsItsMemoryAndAThreadUntilTheResponseIsGone) {
-  Places places(1, kBytes);
+  Semaphore places(1, kBytes);
   {
     httplib::Response response;
     const auto message = answer_of(50'000);
-    auto memory = places.hold("alice", kBytes);
+    auto memory = semaphore.hold("alice", kBytes);
     ASSERT_TRUE(memory);
-    ASSERT_TRUE(reply_long_json(response, places, *std::move(memory), message));
+    ASSERT_TRUE(reply_long_json(response, semaphore, *std::move(memory), message));
     EXPECT_TRUE(response.body.empty()) << "no text is made before it is sent";
     EXPECT_EQ(response.content_length_, message_json_size(*message));
-    EXPECT_FALSE(places.stay());
+    EXPECT_FALSE(semaphore.stay());
     const auto held = static_cast<std::int64_t>(message->SpaceUsedLong()) + kJsonPieceBytes;
-    EXPECT_FALSE(places.hold("bob", kBytes - held + 1));
-    EXPECT_TRUE(places.hold("bob", kBytes - held))
+    EXPECT_FALSE(semaphore.hold("bob", kBytes - held + 1));
+    EXPECT_TRUE(semaphore.hold("bob", kBytes - held))
         << "it has the size that it takes, not what was asked for first";
     httplib::DataSink sink;
     std::string sent;
@@ -92,27 +92,27 @@ TEST(LongAnswer, HoldsItsMemoryAndAThreadUntilTheResponseIsGone) {
     };
     EXPECT_TRUE(response.content_provider_(0, response.content_length_, sink));
     EXPECT_EQ(sent, to_json(*message));
-    EXPECT_FALSE(places.stay()) << "the last bytes are perhaps on their way";
+    EXPECT_FALSE(semaphore.stay()) << "the last bytes are perhaps on their way";
   }
-  EXPECT_TRUE(places.stay());
-  EXPECT_TRUE(places.hold("bob", kBytes));
+  EXPECT_TRUE(semaphore.stay());
+  EXPECT_TRUE(semaphore.hold("bob", kBytes));
 }
 
 TEST(LongAnswer, OfAFewBytesHoldsNothing) {
-  Places places(0, kBytes);
+  Semaphore places(0, kBytes);
   httplib::Response response;
   const auto message = answer_of(10);
-  ASSERT_TRUE(reply_long_json(response, places, "alice", message));
+  ASSERT_TRUE(reply_long_json(response, semaphore, "alice", message));
   EXPECT_EQ(response.body, to_json(*message));
-  EXPECT_TRUE(places.hold("alice", kBytes));
+  EXPECT_TRUE(semaphore.hold("alice", kBytes));
 }
 
 TEST(LongAnswer, IsRefusedWhereNoMemoryOrThreadIsLeft) {
   const auto message = answer_of(50'000);
   httplib::Response response;
-  Places without_threads(0, kBytes);
+  Semaphore without_threads(0, kBytes);
   EXPECT_EQ(reply_long_json(response, without_threads, "alice", message).error().field, "http_connections");
-  Places without_memory(1, kBytes);
+  Semaphore without_memory(1, kBytes);
   const auto other = without_memory.hold("bob", kBytes);
   EXPECT_EQ(reply_long_json(response, without_memory, "alice", message).error().field, "transport_bytes");
 }

@@ -39,11 +39,11 @@ TEST(Routes, AreThoseOfTheDescription) {
   IdleParts parts;
   httplib::Server server;
   Router router(server);
-  Places places(1, 1);
-  EventHub hub(parts.all, places);
+  Semaphore places(1, 1);
+  EventHub hub(parts.all, semaphore);
   add_health_routes(router, parts.all, {});
-  add_job_routes(router, parts.all, places);
-  add_submission_routes(router, parts.all, places);
+  add_job_routes(router, parts.all, semaphore);
+  add_submission_routes(router, parts.all, semaphore);
   add_event_routes(router, parts.all, hub);
   add_metrics_route(router, parts.all);
   add_page_routes(router);

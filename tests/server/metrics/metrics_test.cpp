@@ -59,7 +59,7 @@ class MetricsTest : public ::testing::Test {
   Access access_{config_};
   Log log_{"text", "off", 1 << 20};
   Metrics metrics_{true, 50};
-  Pulse pulse_;
+  Timer pulse_;
   JobBoard board_{{}};
   FeedLimit feeds_{3};
   ResultStore results_{{}};

@@ -81,10 +81,10 @@ TEST(ClientUses, WhoeverInventsNamesGetsOneForAllOfThem) {
 TEST(ServerHistory, LooksTwiceASecondAndKeepsTheNewest) {
   int looks = 0;
   ServerHistory history([&] { return ServerHistory::Point{.time_s = static_cast<double>(looks++)}; });
-  for (int i = 0; i < 100; ++i) history.pulse(kBegin + milliseconds(25 * i));
+  for (int i = 0; i < 100; ++i) history.on_timer(kBegin + milliseconds(25 * i));
   EXPECT_EQ(looks, 5);
   EXPECT_EQ(history.points().size(), 5U);
-  for (int i = 1; i < 2000; ++i) history.pulse(kBegin + seconds(10 * i));
+  for (int i = 1; i < 2000; ++i) history.on_timer(kBegin + seconds(10 * i));
   const auto points = history.points();
   ASSERT_EQ(points.size(), ServerHistory::kMostPoints);
   for (std::size_t at = 0; at < points.size(); ++at)

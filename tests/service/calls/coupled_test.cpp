@@ -73,7 +73,7 @@ class CoupledCalls : public JobsServiceTest {
     EXPECT_EQ(there.objective, here.joint.objective);
     EXPECT_EQ(there.factorizations, here.joint.factorizations);
     const v1::CoupledOutcome& outcome = reported.result.solution().coupled();
-    EXPECT_EQ(coordination_of(outcome).prices, here.coordination.prices);
+    EXPECT_EQ(coordination_of(outcome).coupling_multipliers, here.coordination.coupling_multipliers);
     EXPECT_EQ(outcome.factorizations(), here.coordination.last.factorizations);
     EXPECT_EQ(outcome.blocks_objective(), here.blocks_objective);
   }
@@ -87,7 +87,7 @@ TEST_F(CoupledCalls, ReportEachIterationAndThenTheJointAnswer) {
   EXPECT_EQ(solution.status(), v1::STATUS_SOLVED);
   EXPECT_EQ(solution.z_size(), 6 * 8);
   EXPECT_EQ(solution.coupled().status(), v1::STATUS_SOLVED) << solution.coupled().detail();
-  EXPECT_EQ(solution.coupled().prices_size(), 4);
+  EXPECT_EQ(solution.coupled().coupling_multipliers_size(), 4);
   ASSERT_FALSE(reported.rows.empty());
   const v1::Progress& last = reported.rows.back();
   EXPECT_LE(last.iteration(), solution.coupled().iterations());
@@ -248,7 +248,8 @@ TEST_F(CoupledCalls, AreRefusedWithThePlaceOfTheFault) {
             "solve.coupled.blocks[5].problem.left_matrix.values[0]");
   EXPECT_EQ(of_blocks([](C& bad) { bad.mutable_blocks(4)->mutable_coupling()->set_values(1, kNone); }),
             "solve.coupled.blocks[4].coupling.values[1]");
-  EXPECT_EQ(of_blocks([](C& bad) { bad.add_prices(1.0); }), "solve.coupled.prices");
+  EXPECT_EQ(of_blocks([](C& bad) { bad.add_coupling_multipliers(1.0); }),
+            "solve.coupled.coupling_multipliers");
   EXPECT_EQ(of_blocks([](C& bad) { bad.set_proximal(-1.0); }), "solve.coupled.proximal");
   EXPECT_EQ(of_blocks([](C& bad) { bad.set_freeze_after(0); }), "solve.coupled.freeze_after");
   EXPECT_EQ(of_blocks([](C& bad) { bad.set_tolerance(1.0); }), "solve.coupled.tolerance");

@@ -69,10 +69,10 @@ class Scenarios : public JobsServiceTest {
     start({"--workers", workers});
     const ScenarioSettings settings{.max_sample_size = 4};
     const std::vector<double> numbers = altitudes(24);
-    const ScenarioAnswer here = marble::solve_scenarios(rocket.scenarios(numbers), settings).value();
+    const ScenarioSolution here = marble::solve_scenarios(rocket.scenarios(numbers), settings).value();
     const Reported reported = solve_scenarios(request(numbers, settings));
     ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
-    const ScenarioAnswer there = scenario_answer_of(reported.result.solution());
+    const ScenarioSolution there = scenario_solution_of(reported.result.solution());
     EXPECT_EQ(there.x, here.x);
     EXPECT_EQ(there.recourse, here.recourse);
     EXPECT_EQ(there.objective, here.objective);
@@ -334,7 +334,7 @@ TEST_F(Scenarios, LaterLevelThatDoesNotFitEndsWithTheAnswerSoFar) {
   const std::int64_t before = resident_bytes(server().pid());
   const Reported reported = solve_scenarios(large_scenarios(20'000, 1));
   ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
-  const ScenarioAnswer answer = scenario_answer_of(reported.result.solution());
+  const ScenarioSolution answer = scenario_solution_of(reported.result.solution());
   EXPECT_EQ(answer.end, ScenarioEnd::too_large);
   EXPECT_EQ(answer.status, Status::solved);
   EXPECT_EQ(answer.scenarios, 1);

@@ -29,12 +29,12 @@ struct Setting {
   }
 
   // The elastic optimum with some pairs on their other side, by brute force.
-  double objective_after(std::span<const Index> flipped) {
+  double objective_after(std::span<const Index> switched) {
     const auto own_kkt = make_kkt(problem);
     BranchEngines fresh(problem, *own_kkt);
     fresh.point.start_from_point(Vector::Zero(problem.variables()));
     WorkingSet set = branch.point.set;
-    for (const Index pair : flipped) set.flip(pair);
+    for (const Index pair : switched) set.switch_pair(pair);
     fresh.point.set = set;
     EXPECT_TRUE(fresh.elastic.solve(run, rho, ElasticRelaxation::Rows::violated, kBudget));
     return fresh.elastic.objective();
@@ -51,14 +51,14 @@ struct Setting {
   bool solved = false;
 };
 
-void expect_flips_predicted(const OwnedProblem& p, double rho) {
+void expect_switches_predicted(const OwnedProblem& p, double rho) {
   Setting s(p, rho);
   ASSERT_TRUE(s.solved) << p.name;
   int predicted = 0;
   for (Index pair = 0; pair < s.problem.pairs(); ++pair) {
-    const Parametric::Move flip[] = {{s.parametric.fixed_row(pair), false},
-                                     {s.parametric.free_row(pair), true}};
-    const auto objective = s.parametric.follow(flip, kInfinity, 0.0);
+    const Parametric::Move moves[] = {{s.parametric.fixed_row(pair), false},
+                                       {s.parametric.free_row(pair), true}};
+    const auto objective = s.parametric.follow(moves, kInfinity, 0.0);
     if (!objective) continue;  // too many rows change
     ++predicted;
     const double expected = s.objective_after({&pair, 1});
@@ -71,17 +71,17 @@ TEST(Parametric, PredictsTheOptimumAfterAFlipOfAnyPair) {
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
     const OwnedProblem p =
         testing::random_problem({.variables = 20, .equalities = 4, .inequalities = 12, .pairs = 8}, seed);
-    for (const double rho : {10.0, 1e3, 1e6}) expect_flips_predicted(p, rho);
+    for (const double rho : {10.0, 1e3, 1e6}) expect_switches_predicted(p, rho);
   }
 }
 
 TEST(Parametric, PredictsFlipsOfAStructuredProblem) {
-  expect_flips_predicted(examples::hopper({.steps = 6}), 10.0);
-  expect_flips_predicted(examples::hopper({.steps = 6}), 1e4);
+  expect_switches_predicted(examples::hopper({.steps = 6}), 10.0);
+  expect_switches_predicted(examples::hopper({.steps = 6}), 1e4);
 }
 
 TEST(Parametric, PredictsFlipsOfADenseProblem) {
-  expect_flips_predicted(
+  expect_switches_predicted(
       examples::qpec({.upper_variables = 4, .lower_variables = 12, .degenerate_pairs = 2}, 1), 1e4);
 }
 
@@ -114,13 +114,13 @@ TEST(Parametric, GivesUpExactlyOnWhatCannotEndBelowTheCutoff) {
     Setting s(p, 1e3);
     ASSERT_TRUE(s.solved);
     for (Index pair = 0; pair < s.problem.pairs(); ++pair) {
-      const Parametric::Move flip[] = {{s.parametric.fixed_row(pair), false},
-                                       {s.parametric.free_row(pair), true}};
-      const auto unlimited = s.parametric.follow(flip, kInfinity, 0.0);
+      const Parametric::Move moves[] = {{s.parametric.fixed_row(pair), false},
+                                         {s.parametric.free_row(pair), true}};
+      const auto unlimited = s.parametric.follow(moves, kInfinity, 0.0);
       if (!unlimited) continue;
       const double margin = 1e-9 * (1.0 + std::abs(*unlimited));
-      EXPECT_FALSE(s.parametric.follow(flip, *unlimited - margin, 0.0).has_value());
-      EXPECT_TRUE(s.parametric.follow(flip, *unlimited + margin, 0.0).has_value());
+      EXPECT_FALSE(s.parametric.follow(moves, *unlimited - margin, 0.0).has_value());
+      EXPECT_TRUE(s.parametric.follow(moves, *unlimited + margin, 0.0).has_value());
     }
   }
 }
@@ -130,12 +130,12 @@ TEST(Parametric, TheWorkingSetItEndsWithIsTheOneOfTheNewOptimum) {
   Setting s(p, 1e3);
   ASSERT_TRUE(s.solved);
   for (Index pair = 0; pair < s.problem.pairs(); ++pair) {
-    const Parametric::Move flip[] = {{s.parametric.fixed_row(pair), false},
-                                     {s.parametric.free_row(pair), true}};
-    ASSERT_TRUE(s.parametric.follow(flip, kInfinity, 0.0).has_value());
+    const Parametric::Move moves[] = {{s.parametric.fixed_row(pair), false},
+                                       {s.parametric.free_row(pair), true}};
+    ASSERT_TRUE(s.parametric.follow(moves, kInfinity, 0.0).has_value());
     WorkingSet before = s.branch.point.set;
     WorkingSet after = before;
-    after.flip(pair);
+    after.switch_pair(pair);
     s.parametric.read_active_rows(after);
     const int factorizations = s.run.factorizations;
     s.branch.point.set = after;
@@ -153,9 +153,9 @@ TEST(Parametric, FollowingMovesLeavesTheStartAsItWas) {
   Setting s(p, 1e3);
   ASSERT_TRUE(s.solved);
   const auto follow = [&](Index pair) {
-    const Parametric::Move flip[] = {{s.parametric.fixed_row(pair), false},
-                                     {s.parametric.free_row(pair), true}};
-    return s.parametric.follow(flip, kInfinity, 0.0);
+    const Parametric::Move moves[] = {{s.parametric.fixed_row(pair), false},
+                                       {s.parametric.free_row(pair), true}};
+    return s.parametric.follow(moves, kInfinity, 0.0);
   };
   const auto first = follow(0);
   for (Index pair = 1; pair < 8; ++pair) static_cast<void>(follow(pair));

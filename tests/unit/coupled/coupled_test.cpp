@@ -77,7 +77,7 @@ TEST(Coupled, OneStepOfConvexBlocksWithoutPairsIsTheSolutionOfTheJointKkt) {
     right.tail(3) = vector(coupled.total);
     const Eigen::VectorXd exact = testing::dense_solve(kkt, right);
     EXPECT_LE((vector(answer.joint.z) - exact.head(20)).cwiseAbs().maxCoeff(), 1e-8);
-    EXPECT_LE((vector(answer.prices()) - exact.tail(3)).cwiseAbs().maxCoeff(), 1e-8);
+    EXPECT_LE((vector(answer.coupling_multipliers()) - exact.tail(3)).cwiseAbs().maxCoeff(), 1e-8);
   }
 }
 
@@ -107,7 +107,7 @@ TEST(Coupled, HoppersThatShareABudgetOfForceKeepIt) {
   const testing::Verdict verdict = testing::judge(joint.view(), answer.joint);
   EXPECT_LE(verdict.infeasibility(), 1e-6);
   EXPECT_LE(verdict.stationarity, 1e-6);
-  EXPECT_GE(*std::ranges::max_element(answer.prices()), 1e-3) << "the budget binds";
+  EXPECT_GE(*std::ranges::max_element(answer.coupling_multipliers()), 1e-3) << "the budget binds";
 }
 
 /// ½ force² − force + gap / 10 of (force, gap), 0 ≤ force ⊥ gap ≥ 0: no curvature of the gap.
@@ -130,7 +130,7 @@ TEST(Coupled, OfEqualBlocksOneTakesTheOtherSideWhereTheRowsAskForBoth) {
     options.joint = joint;
     const CoupledSolution answer = solve_coupled(view, options).value();
     EXPECT_EQ(answer.coordination.status, Status::solved) << answer.coordination.detail;
-    EXPECT_EQ(answer.coordination.flips, 1);
+    EXPECT_EQ(answer.coordination.pair_switches, 1);
     ASSERT_TRUE(is_solved(answer.joint.status)) << answer.joint.detail;
     EXPECT_NEAR(answer.joint.objective, -0.4, 1e-8);
   }
@@ -161,7 +161,7 @@ TEST(Coupled, ThreadsChangeNoBit) {
   const CoupledSolution many = solve_coupled(coupled.view(), {}, {.runner = &threads}).value();
   const CoupledSolution one = solve_coupled(coupled.view()).value();
   testing::expect_same_bits(many.joint, one.joint);
-  EXPECT_EQ(many.coordination.prices, one.coordination.prices);
+  EXPECT_EQ(many.coordination.coupling_multipliers, one.coordination.coupling_multipliers);
   EXPECT_EQ(many.coordination.last.factorizations, one.coordination.last.factorizations);
   EXPECT_EQ(many.blocks_objective, one.blocks_objective);
 }
@@ -172,7 +172,7 @@ TEST(Coupled, AStartAtTheAnswerAgreesAtOnce) {
   options.searches = 0;
   const CoupledSolution first = solve_coupled(coupled.view(), options).value();
   ASSERT_EQ(first.coordination.status, Status::solved);
-  CoupledStart start{first.coordination.prices, {}};
+  CoupledStart start{first.coordination.coupling_multipliers, {}};
   for (const BlockAnswer& answer : first.coordination.answers) start.blocks.push_back(answer.solution);
   const CoupledSolution again = solve_coupled(coupled.view(), options, {.start = &start}).value();
   EXPECT_EQ(again.coordination.status, Status::solved);
@@ -279,7 +279,7 @@ TEST(Coupled, ReportsTheViolationsOfABlockThatStopsEarlyByItsOwnRows) {
   block.L = testing::sparse(Eigen::MatrixXd{{1.0, 0.0}}), block.l = {2.0};
   block.R = testing::sparse(Eigen::MatrixXd{{0.0, 1.0}}), block.r = {-10.0};
   const SparseMatrix rows = testing::sparse(Eigen::MatrixXd{{-3.0, 0.0}, {0.0, -0.5}, {-1.0, -2.0}});
-  CoupledOptions options{.max_iterations = 12, .freeze_after = 1, .searches = 1, .flips = 2};
+  CoupledOptions options{.max_iterations = 12, .freeze_after = 1, .searches = 1, .max_pair_switches = 2};
   options.options.max_iterations = 150;
   options.options.max_local_search_factorizations = options.options.max_feasibility_factorizations = 60;
   const std::vector<double> total(3, 0.0);
@@ -350,7 +350,7 @@ TEST(Coupled, AFaultOfTheOptionsIsNamed) {
   EXPECT_EQ(fault([](CoupledOptions& o) { o.freeze_after = -1; }), "freeze_after");
   EXPECT_EQ(fault([](CoupledOptions& o) { o.freeze_after = 0; }), "freeze_after");
   EXPECT_EQ(fault([](CoupledOptions& o) { o.searches = -1; }), "searches");
-  EXPECT_EQ(fault([](CoupledOptions& o) { o.flips = -1; }), "flips");
+  EXPECT_EQ(fault([](CoupledOptions& o) { o.max_pair_switches = -1; }), "max_pair_switches");
   EXPECT_EQ(fault([](CoupledOptions& o) { o.tolerance = 1.0; }), "tolerance");
 }
 
@@ -363,7 +363,7 @@ TEST(Coupled, AFaultOfTheStartIsNamed) {
   Solution one;
   one.z = {0.0};
   EXPECT_EQ(fault({{0.0}, {one, one}}), "");
-  EXPECT_EQ(fault({{0.0, 0.0}, {}}), "start.prices");
+  EXPECT_EQ(fault({{0.0, 0.0}, {}}), "start.coupling_multipliers");
   EXPECT_EQ(fault({{}, {one}}), "start.blocks");
   EXPECT_EQ(fault({{}, {one, {}}}), "start.blocks[1].z");
 }

@@ -1,4 +1,5 @@
-// A block as the coordinator sees it: how its answers move with prices, and which sides its pairs keep.
+// A block as the coordinator sees it: how its answers move with coupling_multipliers, and which sides its
+// pairs keep.
 #include "marble/composite/lifted_block.h"
 
 #include <gtest/gtest.h>
@@ -17,7 +18,7 @@ constexpr testing::CoupledSizes kSizes{.blocks = 1, .variables = 6, .pairs = 3, 
 constexpr double kHeld = 2.0;  // ρ
 
 BlockAsk at_price(std::vector<double> price) {
-  return {.price = std::move(price), .centre = {0.1, -0.2, 0.3}, .proximal = kHeld, .flips = {}};
+  return {.price = std::move(price), .centre = {0.1, -0.2, 0.3}, .proximal = kHeld, .switched_pairs = {}};
 }
 
 Solution near(const LiftedBlock& block, const Solution* start) {
@@ -88,11 +89,11 @@ TEST(LiftedBlock, FrozenItHasTheSameAnswerAndAFlipHoldsTheOtherSide) {
       return std::pair(s, t);
     };
     const auto [s, t] = sides(same.solution.z);
-    block.flip(0);
+    block.switch_pair(0);
     static_cast<void>(block.update());
-    const Solution flipped = near(block, nullptr);
-    ASSERT_TRUE(is_solved(flipped.status));
-    const auto [s_after, t_after] = sides(block.answer(flipped, {}).solution.z);
+    const Solution switched = near(block, nullptr);
+    ASSERT_TRUE(is_solved(switched.status));
+    const auto [s_after, t_after] = sides(block.answer(switched, {}).solution.z);
     EXPECT_NEAR(s < t ? t_after : s_after, 0.0, 1e-7) << seed;
     EXPECT_GE(s < t ? s_after : t_after, -1e-7) << seed;
   }

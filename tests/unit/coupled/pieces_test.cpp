@@ -36,8 +36,8 @@ TEST(Pieces, AnAnswerOfTheWholeIsOneOfThePiecesTogether) {
     append(&Solution::z), append(&Solution::equality_multipliers), append(&Solution::inequality_multipliers);
     append(&Solution::complementarity_multipliers_L), append(&Solution::complementarity_multipliers_R);
   }
-  joint.equality_multipliers.insert(joint.equality_multipliers.end(), start.prices.begin(),
-                                    start.prices.end());
+  joint.equality_multipliers.insert(joint.equality_multipliers.end(), start.coupling_multipliers.begin(),
+                                    start.coupling_multipliers.end());
   const OwnedProblem together = joint_problem(pieces.view());
   const testing::Verdict verdict = testing::judge(together.view(), joint);
   EXPECT_NEAR(verdict.objective, whole.objective, 1e-9 * (1.0 + std::abs(whole.objective)));

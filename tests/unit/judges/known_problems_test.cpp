@@ -14,7 +14,7 @@ namespace {
 
 using testing::judge;
 
-// Where a branch is a single point no flip leads to the next, and a path ends at one that is not the best.
+// Where a branch is a single point no switch leads to the next, and a path ends at one that is not the best.
 // Better than this is welcome.
 double reached(const testing::SmallProblem& p, Path path) {
   if (p.problem.name == "linear bilevel") return -7.0;

@@ -109,9 +109,9 @@ TEST(Scenarios, GiveTheSameBitsWhoeverHelps) {
   const OneNumberScenarios rocket = examples::rocket_by_altitude();
   const ScenarioProblem problem = rocket.scenarios(spread(24, 3.0, 4.8));
   const ScenarioSettings settings{.max_sample_size = 4};
-  const ScenarioAnswer alone = solve_scenarios(problem, settings).value();
+  const ScenarioSolution alone = solve_scenarios(problem, settings).value();
   ThreadPerBatch threads;
-  const ScenarioAnswer helped = solve_scenarios(problem, settings, {.runner = &threads}).value();
+  const ScenarioSolution helped = solve_scenarios(problem, settings, {.runner = &threads}).value();
   EXPECT_GT(threads.most, 1u);
   EXPECT_EQ(helped.x, alone.x);
   EXPECT_EQ(helped.recourse, alone.recourse);

@@ -154,7 +154,7 @@ struct Round : testing::Workbench {
                                     .rho_exchange = 1e300,
                                     .from_exact = false,
                                     .first_patience = 5,
-                                    .flip_patience = 5,
+                                    .switch_patience = 5,
                                     .exchange_patience = 0};
 
   BranchEngines branch;

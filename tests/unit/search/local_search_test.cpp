@@ -24,7 +24,7 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 constexpr int kBudget = 200;
 constexpr int kNoLimit = std::numeric_limits<int>::max() / 2;
 
-SearchPlan flips(int patience) {
+SearchPlan switches(int patience) {
   return {.rho_first = 1e8,
           .rho_factor = 10.0,
           .rho_last = 1e8,
@@ -32,16 +32,16 @@ SearchPlan flips(int patience) {
           .rho_exchange = kNever,
           .from_exact = true,
           .first_patience = patience,
-          .flip_patience = 0,
+          .switch_patience = 0,
           .exchange_patience = 0};
 }
 
 SearchPlan from_soft() {
-  SearchPlan plan = flips(20);
+  SearchPlan plan = switches(20);
   plan.rho_first = 10.0;
   plan.rho_soft = 2e3;
   plan.from_exact = false;
-  plan.flip_patience = 20;
+  plan.switch_patience = 20;
   return plan;
 }
 
@@ -83,7 +83,7 @@ TEST(LocalSearch, NeverEndsWorseThanItBeganAndNoFlipIsLeftThatHelps) {
     if (!s.branch.exact.solve(s.run, kBudget)) continue;
     ++searched;
     const double before = s.branch.point.images.objective;
-    ASSERT_TRUE(s.engine.run(s.run, flips(100), kNoLimit)) << seed;
+    ASSERT_TRUE(s.engine.run(s.run, switches(100), kNoLimit)) << seed;
     const WorkingSet set = s.branch.point.set;
     const double after = s.exact(set);
     const double slack = 1e-5 * (1.0 + std::abs(before));
@@ -92,9 +92,9 @@ TEST(LocalSearch, NeverEndsWorseThanItBeganAndNoFlipIsLeftThatHelps) {
     improved += after < before - slack ? 1 : 0;
     for (Index pair = 0; pair < set.layout.pairs; ++pair) {
       WorkingSet neighbour = set;
-      neighbour.flip(pair);
+      neighbour.switch_pair(pair);
       EXPECT_GE(s.exact(neighbour), after - slack)
-          << seed << ": pair " << pair << " should have been flipped";
+          << seed << ": pair " << pair << " should have been switched";
     }
   }
   EXPECT_GE(searched, 15);
@@ -159,7 +159,7 @@ TEST(LocalSearch, WithoutPatienceNothingMoves) {
     s.choose(21);
     if (!s.branch.exact.solve(s.run, kBudget)) continue;
     const WorkingSet set = s.branch.point.set;
-    ASSERT_TRUE(s.engine.run(s.run, flips(0), kNoLimit));
+    ASSERT_TRUE(s.engine.run(s.run, switches(0), kNoLimit));
     EXPECT_EQ(s.engine.accepted(), 0);
     EXPECT_TRUE(s.branch.point.set == set);
   }
@@ -189,7 +189,7 @@ TEST(LocalSearch, StopsAtItsLastFactorization) {
     Search s(p);
     s.branch.point.start_from_point(s.zero());
     SearchPlan without_moves = from_soft();
-    without_moves.first_patience = without_moves.flip_patience = 0;
+    without_moves.first_patience = without_moves.switch_patience = 0;
     static_cast<void>(s.engine.run(s.run, without_moves, last));
     EXPECT_LE(s.run.factorizations, last + 1) << "and one for the factor of where it ends";
   }
@@ -241,7 +241,7 @@ OwnedProblem one_of_two(const std::vector<std::pair<double, double>>& gains) {
 }
 
 SearchPlan exchanges(bool wanted) {
-  SearchPlan plan = flips(20);
+  SearchPlan plan = switches(20);
   plan.rho_first = plan.rho_last = 1e7;
   plan.rho_exchange = wanted ? 1e7 : kNever;
   plan.exchange_patience = 5;
@@ -309,7 +309,7 @@ TEST(LocalSearch, AMoveThatProvesNoBetterThanWasSaidIsTakenBack) {
     Search s(problem(seed));
     s.choose(static_cast<unsigned>(seed) * 7U);
     if (!s.branch.exact.solve(s.run, kBudget)) continue;
-    ASSERT_TRUE(s.engine.run(s.run, flips(100), kNoLimit)) << seed;  // no flip is left that helps
+    ASSERT_TRUE(s.engine.run(s.run, switches(100), kNoLimit)) << seed;  // no switch is left that helps
     const WorkingSet best = s.branch.point.set;
     const Iterate x = s.branch.point.x;
     LyingKkt lying(*s.kkt);
@@ -317,7 +317,7 @@ TEST(LocalSearch, AMoveThatProvesNoBetterThanWasSaidIsTakenBack) {
     LocalSearch search(s.problem, lying, branch.elastic);
     branch.point.restore(x, best);
     const int before = s.run.factorizations;
-    ASSERT_TRUE(search.run(s.run, flips(100), kNoLimit)) << seed;
+    ASSERT_TRUE(search.run(s.run, switches(100), kNoLimit)) << seed;
     tried += s.run.factorizations - before > 2 ? 1 : 0;
     EXPECT_EQ(search.accepted(), 0) << seed;
     EXPECT_EQ(branch.point.set.s_fixed, best.s_fixed) << seed;

@@ -93,7 +93,7 @@ int run_blocks(const CoupledArguments& arguments, const Options& options, const 
   const auto answer = arguments.sessions ? client.solve_coupled_by_sessions(view, settings, controls)
                                          : client.solve_coupled(view, settings, controls, call);
   if (!answer) return server_fails(arguments.server, answer.error());
-  const auto prices = answer->prices();
+  const auto coupling_multipliers = answer->coupling_multipliers();
   Json z = Json::array();
   for (std::size_t k = 0; k + 1 < answer->places.size(); ++k) {
     const auto first = answer->joint.z.begin();
@@ -101,7 +101,9 @@ int run_blocks(const CoupledArguments& arguments, const Options& options, const 
         std::vector<double>(first + answer->places[k].variables, first + answer->places[k + 1].variables));
   }
   return report_answer(arguments, answer->joint, answer->coordination, answer->job_id, answer->repeated,
-                       {{"prices", std::vector<double>(prices.begin(), prices.end())}, {"z", z}});
+                       {{"coupling_multipliers",
+                         std::vector<double>(coupling_multipliers.begin(), coupling_multipliers.end())},
+                        {"z", z}});
 }
 
 int run_pieces(const CoupledArguments& arguments, const Options& options, const Client& client,

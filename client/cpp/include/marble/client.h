@@ -104,9 +104,9 @@ class Client {
 
   /// Solves a coupled problem on one server, its blocks on idle workers, as marble::solve_coupled does, with
   /// the same bits. Of the controls are used: progress, called on the calling thread and without `frozen`;
-  /// stop, which cancels the call with the error cancelled; and the prices of start. (Option time_limit_s
-  /// ends with the current state of the blocks.) In process the deadline is ignored. Errors: as those of
-  /// marble::solve_coupled.
+  /// stop, which cancels the call with the error cancelled; and the coupling_multipliers of start. (Option
+  /// time_limit_s ends with the current state of the blocks.) In process the deadline is ignored. Errors: as
+  /// those of marble::solve_coupled.
   [[nodiscard]] Expected<RemoteCoupledSolution> solve_coupled(const CoupledView& view,
                                                               const CoupledOptions& options = {},
                                                               const CoupledControls& controls = {},
@@ -120,11 +120,11 @@ class Client {
 
   /// Solves a coupled problem with a session for each block, distributed over the servers of the address.
   /// This process coordinates, and solves the monolithic problem at the end. A server sees only its own
-  /// blocks with their E_k, and the prices of those rows. A step whose server or session is lost is repeated
-  /// elsewhere; where a server has no capacity for a session, each step is a separate solve. `controls` are
-  /// as in marble::solve_coupled; without a runner up to 64 threads wait for the servers. In process this is
-  /// marble::solve_coupled. Errors: those of marble::solve_coupled, the servers' errors about a block that
-  /// none of them accepts, and cancelled.
+  /// blocks with their E_k, and the coupling_multipliers of those rows. A step whose server or session is
+  /// lost is repeated elsewhere; where a server has no capacity for a session, each step is a separate solve.
+  /// `controls` are as in marble::solve_coupled; without a runner up to 64 threads wait for the servers. In
+  /// process this is marble::solve_coupled. Errors: those of marble::solve_coupled, the servers' errors about
+  /// a block that none of them accepts, and cancelled.
   [[nodiscard]] Expected<RemoteCoupledSolution> solve_coupled_by_sessions(
       const CoupledView& view, const CoupledOptions& options = {}, const CoupledControls& controls = {},
       const BlockSessions& sessions = {}) const;

@@ -191,7 +191,8 @@ class Jobs {
                                               const SolveControls& controls = {},
                                               const CallControls& call = {}) const;
 
-  /// The same for a coupled problem; of the controls only the prices to start with and stop are used.
+  /// The same for a coupled problem; of the controls only the coupling_multipliers to start with and stop are
+  /// used.
   [[nodiscard]] Expected<SubmittedJob> submit(const CoupledView& view, const CoupledOptions& options = {},
                                               const CoupledControls& controls = {},
                                               const CallControls& call = {}) const;

@@ -9,7 +9,7 @@
 namespace marble {
 
 /// A plan with what the server adds to it.
-struct RemoteScenarios : ScenarioAnswer {
+struct RemoteScenarios : ScenarioSolution {
   std::string job_id;                 ///< as in the server's log; empty if it was solved in process
   double queue_s = 0.0;               ///< waiting for a worker
   double total_s = 0.0;               ///< from acceptance to the solution, on the server

@@ -59,9 +59,10 @@ namespace client {
 
 /// Starts a solve in this process. Errors: those of Problem::create and Solver::create, which it returns at
 /// once.
-[[nodiscard]] Expected<PendingSolution> begin_solve_here(const ProblemView& problem, const Options& options,
-                                                         const SolveControls& controls,
-                                                         const CallControls& call);
+[[nodiscard]] Expected<PendingSolution> begin_solve_locally(const ProblemView& problem,
+                                                            const Options& options,
+                                                            const SolveControls& controls,
+                                                            const CallControls& call);
 
 }  // namespace client
 }  // namespace marble

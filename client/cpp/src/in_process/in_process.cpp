@@ -50,8 +50,8 @@ void ThinnedProgress::report(const Progress& progress) {
   sink_->report(reported);
 }
 
-Expected<RemoteSolution> solve_here(const ProblemView& problem, const Options& options,
-                                    const SolveControls& controls, const CallControls& call) {
+Expected<RemoteSolution> solve_locally(const ProblemView& problem, const Options& options,
+                                       const SolveControls& controls, const CallControls& call) {
   if (auto valid = validate(options); !valid) return unexpected(valid.error());
   const DeadlineLimit deadline(call.deadline);
   ThinnedProgress progress(controls.progress, call.progress_interval_s, call.iterate_every);
@@ -61,16 +61,17 @@ Expected<RemoteSolution> solve_here(const ProblemView& problem, const Options& o
   return deadline.answer(solve_in_process(problem, deadline.limit(options), own));
 }
 
-Expected<void> solve_batch_here(const BatchSource& source, const BatchSink& sink,
-                                const BatchControls& controls) {
+Expected<void> solve_batch_locally(const BatchSource& source, const BatchSink& sink,
+                                   const BatchControls& controls) {
   while (!controls.stop.stop_requested()) {
     const std::optional<BatchProblem> p = source();
     if (!p) return {};
     CallControls call;
     call.problem_name = p->problem_name;
     sink(p->tag,
-         solve_here(p->problem, p->options,
-                    {.stop = controls.stop, .initial_z = p->initial_z, .sensitivity = p->sensitivity}, call));
+         solve_locally(p->problem, p->options,
+                       {.stop = controls.stop, .initial_z = p->initial_z, .sensitivity = p->sensitivity},
+                       call));
   }
   return unexpected(given_up());
 }

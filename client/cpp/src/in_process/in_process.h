@@ -21,11 +21,11 @@ inline constexpr const char* kInProcess = "in process";
 /// Returns the error of a solve that the caller's stop token ended.
 [[nodiscard]] inline Error given_up() { return failure(ErrorCode::cancelled, "given up by the caller"); }
 
-[[nodiscard]] Expected<RemoteSolution> solve_here(const ProblemView& problem, const Options& options,
-                                                  const SolveControls& controls, const CallControls& call);
+[[nodiscard]] Expected<RemoteSolution> solve_locally(const ProblemView& problem, const Options& options,
+                                                     const SolveControls& controls, const CallControls& call);
 
-[[nodiscard]] Expected<void> solve_batch_here(const BatchSource& source, const BatchSink& sink,
-                                              const BatchControls& controls);
+[[nodiscard]] Expected<void> solve_batch_locally(const BatchSource& source, const BatchSink& sink,
+                                                 const BatchControls& controls);
 
 /// A deadline as a limit of one solve in process: a solve that exceeds it has no solution.
 class DeadlineLimit {

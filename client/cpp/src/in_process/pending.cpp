@@ -90,8 +90,8 @@ class InProcessPending final : public PendingSolution::State {
 
 }  // namespace
 
-Expected<PendingSolution> begin_solve_here(const ProblemView& problem, const Options& options,
-                                           const SolveControls& controls, const CallControls& call) {
+Expected<PendingSolution> begin_solve_locally(const ProblemView& problem, const Options& options,
+                                              const SolveControls& controls, const CallControls& call) {
   if (auto valid = validate(options); !valid) return unexpected(valid.error());
   auto state = std::make_unique<InProcessPending>(controls, call);
   if (auto begun = state->begin(problem, options); !begun) return unexpected(begun.error());

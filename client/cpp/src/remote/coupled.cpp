@@ -22,8 +22,8 @@ class ReportedIterations final : public ProgressSink {
 
 // Sends the request; `read` converts the last event.
 template <class Read>
-auto solve_there(const Connection& connection, const v1::SolveStreamRequest& request,
-                 const CoupledControls& controls, const CallControls& call, const Read& read)
+auto solve_remotely(const Connection& connection, const v1::SolveStreamRequest& request,
+                    const CoupledControls& controls, const CallControls& call, const Read& read)
     -> decltype(read(v1::SolveResponse())) {
   grpc::ClientContext context;
   if (auto ready = connection.prepare(context, call.traceparent, connection.deadline_of(call.deadline));
@@ -47,24 +47,24 @@ auto solve_there(const Connection& connection, const v1::SolveStreamRequest& req
 
 }  // namespace
 
-Expected<RemoteCoupledSolution> solve_coupled_there(const Connection& connection, const CoupledView& view,
-                                                    const CoupledOptions& options,
-                                                    const CoupledControls& controls,
-                                                    const CallControls& call) {
+Expected<RemoteCoupledSolution> solve_coupled_remotely(const Connection& connection, const CoupledView& view,
+                                                       const CoupledOptions& options,
+                                                       const CoupledControls& controls,
+                                                       const CallControls& call) {
   const auto request = make_request(view, options, controls, call);
   if (!request) return unexpected(request.error());
-  return solve_there(connection, *request, controls, call,
-                     [&](const v1::SolveResponse& response) { return remote_coupled(response, view); });
+  return solve_remotely(connection, *request, controls, call,
+                        [&](const v1::SolveResponse& response) { return remote_coupled(response, view); });
 }
 
-Expected<RemotePiecesSolution> solve_in_pieces_there(const Connection& connection, const Problem& problem,
-                                                     std::span<const Index> stage_of_variable,
-                                                     const PiecesOptions& options,
-                                                     const CoupledControls& controls,
-                                                     const CallControls& call) {
+Expected<RemotePiecesSolution> solve_in_pieces_remotely(const Connection& connection, const Problem& problem,
+                                                        std::span<const Index> stage_of_variable,
+                                                        const PiecesOptions& options,
+                                                        const CoupledControls& controls,
+                                                        const CallControls& call) {
   const auto request = make_request(problem, stage_of_variable, options, call);
   if (!request) return unexpected(request.error());
-  return solve_there(connection, *request, controls, call, remote_pieces);
+  return solve_remotely(connection, *request, controls, call, remote_pieces);
 }
 
 }  // namespace marble::client

@@ -9,13 +9,13 @@
 
 namespace marble::client {
 
-[[nodiscard]] Expected<RemoteCoupledSolution> solve_coupled_there(const Connection& connection,
-                                                                  const CoupledView& view,
-                                                                  const CoupledOptions& options,
-                                                                  const CoupledControls& controls,
-                                                                  const CallControls& call);
+[[nodiscard]] Expected<RemoteCoupledSolution> solve_coupled_remotely(const Connection& connection,
+                                                                     const CoupledView& view,
+                                                                     const CoupledOptions& options,
+                                                                     const CoupledControls& controls,
+                                                                     const CallControls& call);
 
-[[nodiscard]] Expected<RemotePiecesSolution> solve_in_pieces_there(
+[[nodiscard]] Expected<RemotePiecesSolution> solve_in_pieces_remotely(
     const Connection& connection, const Problem& problem, std::span<const Index> stage_of_variable,
     const PiecesOptions& options, const CoupledControls& controls, const CallControls& call);
 

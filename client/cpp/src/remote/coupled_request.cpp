@@ -42,7 +42,7 @@ Expected<Answer> answer_of(const v1::SolveResponse& response) {
 Expected<v1::SolveStreamRequest> make_request(const CoupledView& view, const CoupledOptions& options,
                                               const CoupledControls& controls, const CallControls& call) {
   if (controls.start != nullptr && !controls.start->blocks.empty())
-    return unexpected(invalid("start.blocks", "must be empty: a server takes prices alone"));
+    return unexpected(invalid("start.blocks", "must be empty: a server takes coupling_multipliers alone"));
   auto request = request_of({}, options, call);
   if (!request) return request;
   v1::SolveRequest& solve = *request->mutable_solve();
@@ -51,8 +51,8 @@ Expected<v1::SolveStreamRequest> make_request(const CoupledView& view, const Cou
   solve.mutable_problem()->set_name(name);
   to_message(view, solve.mutable_coupled());
   if (controls.start != nullptr)
-    solve.mutable_coupled()->mutable_prices()->Assign(controls.start->prices.begin(),
-                                                      controls.start->prices.end());
+    solve.mutable_coupled()->mutable_coupling_multipliers()->Assign(
+        controls.start->coupling_multipliers.begin(), controls.start->coupling_multipliers.end());
   if (auto fits = check_size(*request); !fits) return unexpected(fits.error());
   return request;
 }

@@ -9,7 +9,7 @@
 
 namespace marble::client {
 
-/// Of the controls only the start is used; error if it has more than prices.
+/// Of the controls only the start is used; error if it has more than coupling_multipliers.
 [[nodiscard]] Expected<v1::SolveStreamRequest> make_request(const CoupledView& view,
                                                             const CoupledOptions& options,
                                                             const CoupledControls& controls,

@@ -34,7 +34,7 @@ Expected<RemoteScenarios> remote_scenarios(const v1::SolveResponse& response) {
     return unexpected(failure(ErrorCode::failed_precondition, "scenarios",
                               "are none in this answer: its problem was solved alone"));
   RemoteScenarios answer;
-  static_cast<ScenarioAnswer&>(answer) = scenario_answer_of(solution);
+  static_cast<ScenarioSolution&>(answer) = scenario_solution_of(solution);
   answer.job_id = response.job_id();
   answer.queue_s = solution.times().queue_s();
   answer.total_s = solution.times().total_s();

@@ -7,10 +7,11 @@
 
 namespace marble::client {
 
-Expected<RemoteScenarios> solve_scenarios_there(const Connection& connection, const ScenarioProblem& problem,
-                                                const ScenarioSampler* sampler,
-                                                const ScenarioSettings& settings,
-                                                const SolveControls& controls, const CallControls& call) {
+Expected<RemoteScenarios> solve_scenarios_remotely(const Connection& connection,
+                                                   const ScenarioProblem& problem,
+                                                   const ScenarioSampler* sampler,
+                                                   const ScenarioSettings& settings,
+                                                   const SolveControls& controls, const CallControls& call) {
   const auto request = make_request(problem, sampler, settings, call);
   if (!request) return unexpected(request.error());
   grpc::ClientContext context;

@@ -9,7 +9,7 @@
 namespace marble::client {
 
 /// If the sampler is null, the scenarios are those of the problem.
-[[nodiscard]] Expected<RemoteScenarios> solve_scenarios_there(
+[[nodiscard]] Expected<RemoteScenarios> solve_scenarios_remotely(
     const Connection& connection, const ScenarioProblem& problem, const ScenarioSampler* sampler,
     const ScenarioSettings& settings, const SolveControls& controls, const CallControls& call);
 

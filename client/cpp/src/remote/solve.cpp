@@ -26,9 +26,9 @@ Expected<RemoteSolution> streamed(const Connection& connection, const v1::SolveS
 
 }  // namespace
 
-Expected<RemoteSolution> solve_there(const Connection& connection, const ProblemView& problem,
-                                     const Options& options, const SolveControls& controls,
-                                     const CallControls& call) {
+Expected<RemoteSolution> solve_remotely(const Connection& connection, const ProblemView& problem,
+                                        const Options& options, const SolveControls& controls,
+                                        const CallControls& call) {
   const auto request = make_request(problem, options, controls, call);
   if (!request) return unexpected(request.error());
   grpc::ClientContext context;

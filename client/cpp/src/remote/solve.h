@@ -7,8 +7,9 @@
 
 namespace marble::client {
 
-[[nodiscard]] Expected<RemoteSolution> solve_there(const Connection& connection, const ProblemView& problem,
-                                                   const Options& options, const SolveControls& controls,
-                                                   const CallControls& call);
+[[nodiscard]] Expected<RemoteSolution> solve_remotely(const Connection& connection,
+                                                      const ProblemView& problem, const Options& options,
+                                                      const SolveControls& controls,
+                                                      const CallControls& call);
 
 }  // namespace marble::client

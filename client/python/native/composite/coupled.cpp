@@ -32,7 +32,7 @@ void take(const py::dict& given, CoupledOptions& settings) {
   set("max_iterations", settings.max_iterations);
   set("freeze_after", settings.freeze_after);
   set("searches", settings.searches);
-  set("flips", settings.flips);
+  set("max_pair_switches", settings.max_pair_switches);
   set("tolerance", settings.tolerance);
   set("joint", settings.joint);
   set("joint_search", settings.joint_search);
@@ -47,7 +47,7 @@ py::dict reported_of(const Coordination& c, double blocks_objective) {
   reported["step"] = c.last.step;
   reported["proximal"] = c.last.proximal;
   reported["frozen_at"] = c.frozen_at;
-  reported["flips"] = c.flips;
+  reported["pair_switches"] = c.pair_switches;
   reported["factorizations"] = c.last.factorizations;
   reported["objective"] = blocks_objective;
   reported["failed"] = c.failed_block ? py::object(py::int_(*c.failed_block)) : py::object(py::none());
@@ -114,7 +114,7 @@ CoupledControls controls_of(const SolveControls& given) {
   return controls;
 }
 
-py::dict solve(const py::list& blocks, const py::object& total, const py::object& prices,
+py::dict solve(const py::list& blocks, const py::object& total, const py::object& coupling_multipliers,
                const py::dict& given, const py::dict& request, const py::object& open, const Call& call) {
   CoupledOptions settings{.options = options_of(given)};
   take(request, settings);
@@ -128,9 +128,9 @@ py::dict solve(const py::list& blocks, const py::object& total, const py::object
     if (!parts[1].is_none()) own.coupling = arrays.matrix(parts[1], view.total.size(), own.problem.g.size());
   }
   CoupledStart start;
-  if (!prices.is_none()) {
-    const auto numbers = arrays.doubles(prices);
-    start.prices.assign(numbers.begin(), numbers.end());
+  if (!coupling_multipliers.is_none()) {
+    const auto numbers = arrays.doubles(coupling_multipliers);
+    start.coupling_multipliers.assign(numbers.begin(), numbers.end());
   }
   CoupledSolution answer;
   const Options options = settings.options;
@@ -141,7 +141,7 @@ py::dict solve(const py::list& blocks, const py::object& total, const py::object
             CoupledControls controls = controls_of(sent);
             WaitingThreads threads;
             solve_by(open, settings.options, reporter, threads, controls);
-            if (!start.prices.empty()) controls.start = &start;
+            if (!start.coupling_multipliers.empty()) controls.start = &start;
             auto solved = solve_coupled(view, settings, controls);
             if (!solved) return unexpected(named(solved.error()));
             Solution joint = std::exchange(solved->joint, {});
@@ -149,7 +149,7 @@ py::dict solve(const py::list& blocks, const py::object& total, const py::object
             return joint;
           });
   reported["coupled"] = reported_of(answer.coordination, answer.blocks_objective);
-  reported["prices"] = Numbers{std::move(answer.coordination.prices)};
+  reported["coupling_multipliers"] = Numbers{std::move(answer.coordination.coupling_multipliers)};
   return reported;
 }
 

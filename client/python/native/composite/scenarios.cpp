@@ -89,7 +89,7 @@ py::dict dict_of(const ScenarioLevel& l) {
   return level;
 }
 
-py::dict dict_of(const ScenarioAnswer& answer) {
+py::dict dict_of(const ScenarioSolution& answer) {
   py::dict reported;
   reported["end"] = to_string(answer.end);
   reported["scenarios"] = answer.scenarios;
@@ -118,7 +118,7 @@ py::dict solve(const py::object& lcqp, const py::dict& given, const py::dict& re
                                              : set_scenarios(problem, sampler_of(arrays, request["sampler"]));
   if (!set) raise(named(set.error()));
   ScenarioSettings settings = settings_of(request["settings"]);
-  ScenarioAnswer answer;
+  ScenarioSolution answer;
   py::dict reported = run(
       options, call,
       [&](const Options& limited, const SolveControls& controls, Reporter& reporter) -> Expected<Solution> {

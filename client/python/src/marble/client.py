@@ -140,16 +140,16 @@ class Client(Connected):
         return self._transport.run(two_stage.ScenarioRequest(problem, asked, call, progress, level), deadline)
 
     def coupled(self, /, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None], total: ArrayLike, *,
-                prices: ArrayLike | None = None, options: Mapping[str, Any] | None = None,
+                coupling_multipliers: ArrayLike | None = None, options: Mapping[str, Any] | None = None,
                 priority: Priority | str | None = None, progress: ProgressOption = None, deadline: float | None = None,
                 request_id: str = "", problem_name: str = "", sessions: bool = False,
                 **settings: Any) -> CoupledSolution:
         """Solves problems coupled by rows: min Σ f_k(z_k), each z_k feasible for its own block, Σ E_k z_k = total.
 
-        blocks, coupling (E_k), total, prices: see Coupled. Solved on one server, blocks on idle workers, block by block
+        blocks, coupling (E_k), total, coupling_multipliers: see Coupled. Solved on one server, blocks on idle workers, block by block
         for multipliers of the rows; last the branch that was found, as one problem. progress: a row an iteration, whose
         violations.equality is of the rows and kkt_residual the largest step of a multiplier. settings: proximal,
-        max_iterations, freeze_after, searches, flips, tolerance, joint, joint_search, described with their defaults in
+        max_iterations, freeze_after, searches, max_pair_switches, tolerance, joint, joint_search, described with their defaults in
         coupled.proto; other names are options, as in solve. All else as in solve.
 
         sessions: this process coordinates instead, and blocks are sessions, assigned to the servers of the client's
@@ -158,7 +158,7 @@ class Client(Connected):
         blocks under way are solved.
         """
         settings, options = coupled_problems.split(settings, options)
-        request = coupled_problems.CoupledRequest(Coupled(blocks, coupling, total, prices), settings,
+        request = coupled_problems.CoupledRequest(Coupled(blocks, coupling, total, coupling_multipliers), settings,
                                                   Call(options, priority, request_id), progress, problem_name)
         return self._transport.coordinate(request, deadline) if sessions else self._transport.run(request, deadline)
 

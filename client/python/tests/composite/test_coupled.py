@@ -42,17 +42,17 @@ def test_blocks_share_what_there_is_at_one_price(client):
     answer = client.coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0], progress=rows.append)
     assert answer.status is marble.Status.SOLVED and answer.coordination.status is marble.Status.SOLVED
     np.testing.assert_allclose([z[0] for z in answer.z], [2.5, 1.5], atol=1e-7)
-    np.testing.assert_allclose(answer.prices, [0.5], atol=1e-7)
+    np.testing.assert_allclose(answer.coupling_multipliers, [0.5], atol=1e-7)
     np.testing.assert_allclose(answer.solution.y[-1:], [0.5], atol=1e-7)
     assert np.isclose(answer.objective, 2.5**2 / 2 - 3 * 2.5 + 1.5**2 / 2 - 2 * 1.5)
     assert rows and rows[-1].violations.equality <= 1e-6 and rows[-1].rho > 0
     assert client.jobs.get(answer.job_id).job.kind is marble.JobKind.COUPLED
 
 
-def test_a_block_that_no_row_sees_and_a_start_at_the_prices_are_taken(client):
-    answer = client.coupled([arm(3.0), arm(2.0)], [FORCE, None], [1.0], prices=[2.0], options={"max_iterations": 50})
+def test_a_block_that_no_row_sees_and_a_start_at_the_coupling_multipliers_are_taken(client):
+    answer = client.coupled([arm(3.0), arm(2.0)], [FORCE, None], [1.0], coupling_multipliers=[2.0], options={"max_iterations": 50})
     np.testing.assert_allclose([z[0] for z in answer.z], [1.0, 2.0], atol=1e-7)
-    np.testing.assert_allclose(answer.prices, [2.0], atol=1e-7)
+    np.testing.assert_allclose(answer.coupling_multipliers, [2.0], atol=1e-7)
 
 
 def test_the_block_that_has_no_answer_is_named(client):
@@ -77,7 +77,7 @@ def test_faults_are_named(client):
         ("blocks", lambda: client.coupled([], [], [0.0])),
         ("coupling", lambda: client.coupled([arm(1.0)], [], [0.0])),
         ("coupling[0]", lambda: client.coupled([arm(1.0)], [[[1.0]]], [0.0])),
-        ("prices", lambda: client.coupled([arm(1.0)], [FORCE], [0.0], prices=[1.0, 2.0])),
+        ("coupling_multipliers", lambda: client.coupled([arm(1.0)], [FORCE], [0.0], coupling_multipliers=[1.0, 2.0])),
         ("speed", lambda: client.coupled([arm(1.0)], [FORCE], [0.0], speed=3)),
         ("coupled", lambda: client.coupled([arm(1.0)], [FORCE], [0.0], proximal="much")),
         ("stages", lambda: client.pieces(arm(1.0), [0], 1)),
@@ -93,12 +93,12 @@ def test_faults_are_named(client):
 
 def test_submitted_they_answer_later_with_the_bits_of_the_call(client):
     blocks = [arm(3.0), arm(2.0)]
-    there = client.jobs.submit_coupled(blocks, [FORCE, FORCE], [4.0], prices=[0.4], problem_name="cell")
+    there = client.jobs.submit_coupled(blocks, [FORCE, FORCE], [4.0], coupling_multipliers=[0.4], problem_name="cell")
     later = client.jobs.coupled(there.job_id, blocks, wait=True)
-    now = client.coupled(blocks, [FORCE, FORCE], [4.0], prices=[0.4])
+    now = client.coupled(blocks, [FORCE, FORCE], [4.0], coupling_multipliers=[0.4])
     assert later.coordination == now.coordination and later.job_id == there.job_id
     np.testing.assert_array_equal(later.solution.z, now.solution.z)
-    np.testing.assert_array_equal(later.prices, now.prices)
+    np.testing.assert_array_equal(later.coupling_multipliers, now.coupling_multipliers)
     assert client.jobs.get(there.job_id).job.problem_name == "cell"
     with pytest.raises(marble.InvalidArgument) as caught:
         client.jobs.coupled(there.job_id, blocks[1:])
@@ -117,7 +117,7 @@ def test_they_are_there_for_asyncio_too(server):
     async def both() -> None:
         async with marble.aio.Client(server.address) as client:
             answer = await client.coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0])
-            np.testing.assert_allclose(answer.prices, [0.5], atol=1e-7)
+            np.testing.assert_allclose(answer.coupling_multipliers, [0.5], atol=1e-7)
             problem, stages = chain(9)
             pieces = await client.pieces(problem, stages, 2)
             assert pieces.solution.status is marble.Status.SOLVED
@@ -135,11 +135,11 @@ def test_without_a_server_they_have_the_same_bits(client):
     local = marble.Client("local")
     rows: list[marble.Progress] = []
     blocks = [arm(3.0), arm(2.0, "elbow")]
-    here = local.coupled(blocks, [FORCE, None], [1.0], prices=[1.9], searches=1, progress=rows.append)
-    there = client.coupled(blocks, [FORCE, None], [1.0], prices=[1.9], searches=1)
+    here = local.coupled(blocks, [FORCE, None], [1.0], coupling_multipliers=[1.9], searches=1, progress=rows.append)
+    there = client.coupled(blocks, [FORCE, None], [1.0], coupling_multipliers=[1.9], searches=1)
     assert here.coordination == there.coordination and here.job_id == ""
     np.testing.assert_array_equal(here.solution.z, there.solution.z)
-    np.testing.assert_array_equal(here.prices, there.prices)
+    np.testing.assert_array_equal(here.coupling_multipliers, there.coupling_multipliers)
     assert len(rows) == here.coordination.iterations and rows[-1].rho == here.coordination.proximal
     problem, stages = chain(30)
     cut = local.pieces(problem, stages, 3, overlap=4)
@@ -157,7 +157,7 @@ def test_blocks_in_sessions_of_several_servers_agree_as_on_one(start_server):
         one = marble.Client("local").coupled(blocks, [FORCE] * 4, [4.0])
         assert answer.coordination.status is marble.Status.SOLVED and answer.repeated == 0
         np.testing.assert_allclose(answer.solution.z, one.solution.z, atol=1e-7)
-        np.testing.assert_allclose(answer.prices, one.prices, atol=1e-7)
+        np.testing.assert_allclose(answer.coupling_multipliers, one.coupling_multipliers, atol=1e-7)
         assert len(rows) == answer.coordination.iterations
         seen = []
         for server in servers:
@@ -227,7 +227,7 @@ def test_what_a_callback_raises_ends_them_without_a_server_too():
     async def both() -> None:
         async with marble.aio.Client("local") as client:
             answer = await client.coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0])
-            np.testing.assert_allclose(answer.prices, [0.5], atol=1e-7)
+            np.testing.assert_allclose(answer.coupling_multipliers, [0.5], atol=1e-7)
             problem, stages = chain(9)
             assert (await client.pieces(problem, stages, 2)).solution.solved
             with pytest.raises(ZeroDivisionError):

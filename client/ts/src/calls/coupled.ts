@@ -55,7 +55,7 @@ export interface PiecesControls extends CommonControls, CallControls {
   /** Maximum number of branch searches after the blocks agree, ≥ 0; default 3. */
   searches?: number;
   /** Maximum number of pairs to switch in frozen blocks, ≥ 0; default 20. */
-  flips?: number;
+  maxPairSwitches?: number;
   /** Relative tolerance of the coupling rows and of the last step, in (0, 1); default 1e-9, for pieces 1e-8. */
   tolerance?: number;
   /** Whether the final branch is solved exactly as a monolithic problem; default true, required for pieces. */
@@ -74,23 +74,23 @@ export interface PiecesControls extends CommonControls, CallControls {
 /** Parameters for coupled blocks. */
 export interface CoupledControls extends PiecesControls {
   /** Initial multipliers of the coupling rows, m entries; default zeros. */
-  prices?: ArrayLike<number>;
+  couplingMultipliers?: ArrayLike<number>;
 }
 
 /** The result of the coordination. */
-export interface Coordination extends Omit<CoupledOutcome, "status" | "prices"> {
+export interface Coordination extends Omit<CoupledOutcome, "status" | "couplingMultipliers"> {
   /** "solved" if the blocks agree, "iteration_limit" if not yet; otherwise the status of the block that failed. */
   status: Status | "unknown";
 }
 
 /** The solution of a coupled problem. */
-export interface CoupledAnswer {
+export interface CoupledSolution {
   /** The variables of each block. */
   z: Float64Array[];
   /** Multipliers λ of the coupling rows, m entries. */
-  prices: Float64Array;
+  couplingMultipliers: Float64Array;
   /**
-   * The solution of the monolithic problem: the blocks' vectors in order; `prices` are its last equality multipliers.
+   * The solution of the monolithic problem: the blocks' vectors in order; `couplingMultipliers` are its last equality multipliers.
    */
   solution: Solution;
   coordination: Coordination;
@@ -107,8 +107,8 @@ export async function coupled(
   connection: Connection,
   problem: CoupledProblem,
   controls: CoupledControls,
-): Promise<CoupledAnswer> {
-  return coupledAnswerOf(await answer(connection, coupledRequest(problem, controls), controls), problem.blocks);
+): Promise<CoupledSolution> {
+  return coupledSolutionOf(await answer(connection, coupledRequest(problem, controls), controls), problem.blocks);
 }
 
 export async function pieces(
@@ -139,8 +139,8 @@ export function coupledRequest({ name, blocks, total }: CoupledProblem, controls
   const rows = total?.length ?? 0;
   const message = settingsOf(controls);
   message.total = packDoubles(takeVector("coupled.total", total, rows, "rows"));
-  if (controls.prices !== undefined) {
-    message.prices = packDoubles(takeVector("coupled.prices", controls.prices, rows, "rows, as total has"));
+  if (controls.couplingMultipliers !== undefined) {
+    message.couplingMultipliers = packDoubles(takeVector("coupled.couplingMultipliers", controls.couplingMultipliers, rows, "rows, as total has"));
   }
   message.blocks = blocks.map((block, k) => within(`coupled.blocks[${k}]`, () => blockOf(block, rows)));
   return { ...requestOf(ProblemMessage.fromPartial({ name: name ?? "" }), controls), coupled: message };
@@ -171,26 +171,26 @@ export function piecesRequest(problem: Problem, cut: Pieces, controls: PiecesCon
 }
 
 function settingsOf(controls: PiecesControls): Message {
-  const { proximal, maxIterations, freezeAfter, searches, flips, tolerance, joint, jointSearch } = controls;
+  const { proximal, maxIterations, freezeAfter, searches, maxPairSwitches, tolerance, joint, jointSearch } = controls;
   for (const [field, value] of Object.entries({ proximal, tolerance })) {
     if (value !== undefined && typeof value !== "number") throw invalid(`coupled.${field}`, "must be a number", { value });
   }
-  for (const [field, value] of Object.entries({ maxIterations, freezeAfter, searches, flips })) {
+  for (const [field, value] of Object.entries({ maxIterations, freezeAfter, searches, maxPairSwitches })) {
     wholeOrZero(`coupled.${field}`, value);
   }
-  const settings = { proximal, maxIterations, freezeAfter, searches, flips, tolerance, joint, jointSearch };
+  const settings = { proximal, maxIterations, freezeAfter, searches, maxPairSwitches, tolerance, joint, jointSearch };
   return { ...Message.fromPartial({}), ...settings };
 }
 
 /** Splits a solution by the sizes of the blocks. */
-export function coupledAnswerOf(response: SolveResponse, blocks: CoupledBlock[]): CoupledAnswer {
-  const { solution, coordination, prices } = answerOf(response);
+export function coupledSolutionOf(response: SolveResponse, blocks: CoupledBlock[]): CoupledSolution {
+  const { solution, coordination, couplingMultipliers } = answerOf(response);
   let first = 0;
   const z = blocks.map(({ problem }) => solution.z.slice(first, (first += problem.g.length)));
   if (first !== solution.z.length) {
     throw invalid("blocks", `must have ${solution.z.length} variables, as the solution has`, { value: first });
   }
-  return { z, prices, solution, coordination };
+  return { z, couplingMultipliers, solution, coordination };
 }
 
 export function piecesAnswerOf(response: SolveResponse): PiecesAnswer {
@@ -198,12 +198,12 @@ export function piecesAnswerOf(response: SolveResponse): PiecesAnswer {
   return { solution, coordination };
 }
 
-function answerOf(response: SolveResponse): PiecesAnswer & { prices: Float64Array } {
+function answerOf(response: SolveResponse): PiecesAnswer & { couplingMultipliers: Float64Array } {
   const message = expect(response.solution);
   if (message.coupled === undefined) {
     throw errorOf("failed_precondition", "this solution has no coordination: its problem was solved alone");
   }
-  const { prices, status, ...rest } = message.coupled;
+  const { couplingMultipliers, status, ...rest } = message.coupled;
   const coordination = { ...rest, status: word(StatusNumber, "STATUS_", status) ?? ("unknown" as const) };
-  return { solution: new Solution(response.jobId, message), coordination, prices: unpackDoubles(prices) };
+  return { solution: new Solution(response.jobId, message), coordination, couplingMultipliers: unpackDoubles(couplingMultipliers) };
 }

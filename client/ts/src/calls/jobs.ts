@@ -30,26 +30,26 @@ import {
 } from "./array.js";
 import { type CallControls, clientStream, deadlineOf, serverStream, unary } from "./calls.js";
 import {
-  type CoupledAnswer,
+  type CoupledSolution,
   type CoupledBlock,
   type CoupledControls,
   type CoupledProblem,
   type Pieces,
   type PiecesAnswer,
   type PiecesControls,
-  coupledAnswerOf,
+  coupledSolutionOf,
   coupledRequest,
   piecesAnswerOf,
   piecesRequest,
 } from "./coupled.js";
 import { type Limits, Patience, repeated } from "./patience.js";
 import {
-  type ScenarioAnswer,
+  type ScenarioSolution,
   type ScenarioControls,
   type ScenarioLevel,
   levelOf,
   messageOf,
-  scenarioAnswerOf,
+  scenarioSolutionOf,
 } from "./scenarios.js";
 import { type Priority, type RequestControls, expect, solveRequest } from "./solve.js";
 import { errorOfStatus } from "./status.js";
@@ -209,13 +209,13 @@ export class Jobs {
   }
 
   /** The solution of a job submitted with scenarios; rejects with a PreconditionError for other jobs. */
-  async scenarios(jobId: string, controls: ResultControls = {}): Promise<ScenarioAnswer> {
-    return scenarioAnswerOf(await this.response(jobId, controls));
+  async scenarios(jobId: string, controls: ResultControls = {}): Promise<ScenarioSolution> {
+    return scenarioSolutionOf(await this.response(jobId, controls));
   }
 
   /** The same for coupled problems; `blocks` determines which variables belong to which block. */
-  async coupled(jobId: string, blocks: CoupledBlock[], controls: ResultControls = {}): Promise<CoupledAnswer> {
-    return coupledAnswerOf(await this.response(jobId, controls), blocks);
+  async coupled(jobId: string, blocks: CoupledBlock[], controls: ResultControls = {}): Promise<CoupledSolution> {
+    return coupledSolutionOf(await this.response(jobId, controls), blocks);
   }
 
   /** The same for a problem in pieces. */

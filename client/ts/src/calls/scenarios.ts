@@ -98,7 +98,7 @@ export interface ScenarioLevel extends Omit<LevelMessage, "status" | "outOfSampl
 }
 
 /** The plan of the newest solved level. */
-export interface ScenarioAnswer {
+export interface ScenarioSolution {
   end: Words<typeof EndNumber, "SCENARIO_END_"> | "unknown";
   /** The sample size of that level; 0 if no level was solved. */
   scenarios: number;
@@ -117,7 +117,7 @@ export async function scenarios(
   connection: Connection,
   problem: Problem,
   controls: ScenarioControls,
-): Promise<ScenarioAnswer> {
+): Promise<ScenarioSolution> {
   const request = {
     solve: { ...solveRequest(problem, controls), scenarios: messageOf(controls) },
     progressIntervalS: secondsOrZero("progressIntervalS", controls.progressIntervalS),
@@ -127,12 +127,12 @@ export async function scenarios(
   for await (const { event } of messages) {
     if (event?.$case === "level") controls.onLevel?.(levelOf(event.value));
     if (event?.$case === "progress" && controls.onProgress) event.value.rows.map(progressOf).forEach(controls.onProgress);
-    if (event?.$case === "result") return scenarioAnswerOf(event.value);
+    if (event?.$case === "result") return scenarioSolutionOf(event.value);
   }
   throw errorOf("internal", "the server ended the call without a result");
 }
 
-export function scenarioAnswerOf(response: SolveResponse): ScenarioAnswer {
+export function scenarioSolutionOf(response: SolveResponse): ScenarioSolution {
   const message = expect(response.solution);
   const { scenarios } = message;
   if (scenarios === undefined) {

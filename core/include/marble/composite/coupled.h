@@ -57,7 +57,8 @@ struct CoupledOptions {
   /// Maximum number of searches, >= 0. Once the blocks agree, each looks for a better branch with the
   /// multipliers found, by a cold solve; if one finds it, the iteration continues.
   int searches = 3;
-  int flips = 20;  ///< maximum number of pairs of frozen blocks that are tried on their other side; >= 0
+  int max_pair_switches =
+      20;  ///< maximum number of pairs of frozen blocks that are tried on their other side; >= 0
   double tolerance = 1e-9;  ///< relative, for Σ E_k y_k − e and for the last step; in (0, 1)
   /// Whether the branch found is solved exactly as one monolithic problem, and certified like any solution.
   /// If not, the solution consists of the blocks' own ones, and the coupling rows hold to `tolerance`.
@@ -83,7 +84,7 @@ struct CoupledIteration {
 
 /// The start of a coupled solve: the solution of a similar one, or a guess.
 struct CoupledStart {
-  std::vector<double> prices;  ///< multipliers λ, m; empty: zeros
+  std::vector<double> coupling_multipliers;  ///< multipliers λ, m; empty: zeros
   std::vector<Solution>
       blocks;  ///< z and multipliers of each block, with the block's own sizes; empty: unknown
 };
@@ -129,7 +130,7 @@ struct BlockAsk {
   double proximal = 1.0;       ///< ρ
   bool search = false;         ///< solve both from the last solution and cold; the better solution is used
   bool frozen = false;         ///< from now on, each pair keeps the side that is at zero
-  std::vector<Index> flips;    ///< pairs of a frozen block that first switch to their other side
+  std::vector<Index> switched_pairs;  ///< pairs of a frozen block that first switch to their other side
 };
 
 /// A frozen pair whose fixed side has a wrong-sign multiplier while the other side is nearly zero: the
@@ -175,11 +176,11 @@ struct Coordination {
   Status status = Status::numerical_failure;
   std::string detail;  ///< one sentence; it names a block that failed
   std::optional<std::size_t> failed_block = {};
-  std::vector<double> prices;        ///< multipliers λ, m
-  std::vector<BlockAnswer> answers;  ///< the last responses, including that of a block that failed
-  CoupledIteration last = {};        ///< the last iteration
-  std::int32_t frozen_at = 0;        ///< the iteration in which the pairs were frozen; 0: never
-  std::int32_t flips = 0;            ///< pairs that stayed on their other side
+  std::vector<double> coupling_multipliers;  ///< multipliers λ, m
+  std::vector<BlockAnswer> answers;          ///< the last responses, including that of a block that failed
+  CoupledIteration last = {};                ///< the last iteration
+  std::int32_t frozen_at = 0;                ///< the iteration in which the pairs were frozen; 0: never
+  std::int32_t pair_switches = 0;            ///< pairs that stayed on their other side
 };
 
 /// Iterates until the blocks agree. `total`: e. `options.joint` is ignored. Errors: invalid_argument of the
@@ -206,7 +207,7 @@ struct CoupledSolution {
   Coordination coordination;       ///< how the blocks reached it
   double blocks_objective = 0.0;   ///< Σ f_k(y_k) of the blocks, before the monolithic solve
   /// Returns the multipliers λ of the coupling rows, m.
-  [[nodiscard]] std::span<const double> prices() const {
+  [[nodiscard]] std::span<const double> coupling_multipliers() const {
     return std::span(joint.equality_multipliers).subspan(static_cast<std::size_t>(places.back().equalities));
   }
 };

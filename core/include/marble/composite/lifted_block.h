@@ -32,19 +32,19 @@ class LiftedBlock {
   [[nodiscard]] const std::vector<Index>& rows() const { return rows_; }
   /// Returns n, without v, which are the variables from n on.
   [[nodiscard]] Index variables() const { return n_; }
-  /// Returns the problem to solve. freeze() changes its pattern; flip() changes its numbers.
+  /// Returns the problem to solve. freeze() changes its pattern; switch_pair() changes its numbers.
   [[nodiscard]] const OwnedProblem& problem() const { return lifted_; }
   /// True after freeze().
   [[nodiscard]] bool frozen() const { return frozen_; }
 
   /// Converts a solution of the block itself, and multipliers of its coupling rows, to a starting point of
   /// problem().
-  [[nodiscard]] Solution lifted(const Solution& own, std::span<const double> prices) const;
+  [[nodiscard]] Solution lifted(const Solution& own, std::span<const double> coupling_multipliers) const;
   /// Fixes each pair on the side that is at zero in `answer`, a solution of problem(); returns `answer` as a
   /// solution of the new problem().
   [[nodiscard]] Solution freeze(const Solution& answer);
   /// Switches a pair of a frozen block to its other side.
-  void flip(Index pair);
+  void switch_pair(Index pair);
   /// Sets the multipliers, the center and ρ.
   void ask(const BlockAsk& ask);
   /// Returns the changes since the last call: the gradient; if ρ changed, the numbers of Q; and after a

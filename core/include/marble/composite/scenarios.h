@@ -123,7 +123,7 @@ struct ScenarioSettings {
 };
 
 /// The newest plan that a stage has confirmed.
-struct ScenarioAnswer {
+struct ScenarioSolution {
   ScenarioEnd end = ScenarioEnd::not_solved;  ///< why the solve ended
   /// Status of the last stage: solved if the plan is from it. Otherwise the status with which it ended, while
   /// x is from the previous stage, if there was one. time_limit and cancelled if they ended the solve.
@@ -151,10 +151,10 @@ struct ScenarioAnswer {
 /// is not built. Errors: invalid_argument of the fields of "base", "first_stage", "own_pairs", …,
 /// "settings.growth", …, and "scenario[7].b" for numbers from `sample`; errors of `sample` itself unchanged;
 /// resource_exhausted if a stage is too large and there is no solution.
-[[nodiscard]] Expected<ScenarioAnswer> solve_scenarios(const ScenarioProblem& problem,
-                                                       const ScenarioSettings& settings = {},
-                                                       const SolveControls& controls = {},
-                                                       const SetupControls& setup = {});
+[[nodiscard]] Expected<ScenarioSolution> solve_scenarios(const ScenarioProblem& problem,
+                                                         const ScenarioSettings& settings = {},
+                                                         const SolveControls& controls = {},
+                                                         const SetupControls& setup = {});
 
 /// Checks everything that solve_scenarios requires of its settings and of the problem without its scenarios.
 [[nodiscard]] Expected<void> check_scenarios(const ScenarioProblem& problem,

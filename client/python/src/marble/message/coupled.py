@@ -22,7 +22,7 @@ from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.solution import Solution
 
-SETTINGS: Final = ("proximal", "max_iterations", "freeze_after", "searches", "flips", "tolerance", "joint",
+SETTINGS: Final = ("proximal", "max_iterations", "freeze_after", "searches", "max_pair_switches", "tolerance", "joint",
                    "joint_search")
 
 
@@ -53,8 +53,8 @@ def blocks_encoder(coupled: Coupled, settings: Mapping[str, Any]) -> Encoder:
             one.message("coupling", requests.matrix_encoder(coupling))
         part.message("blocks", one)
     part.doubles("total", checked.total)
-    if checked.prices is not None:
-        part.doubles("prices", checked.prices)
+    if checked.coupling_multipliers is not None:
+        part.doubles("coupling_multipliers", checked.coupling_multipliers)
     return part
 
 
@@ -102,10 +102,10 @@ class CoupledRequest(Solve[CoupledSolution]):
         """See Request."""
         chosen, checked = _core_settings(self._settings), model.checked(self._coupled)
         call = run.call(checked.blocks[0][0], self.call, self.report)
-        values = run.core.solve_coupled(list(checked.blocks), checked.total, checked.prices,
+        values = run.core.solve_coupled(list(checked.blocks), checked.total, checked.coupling_multipliers,
                                         core_options(self.call.options), chosen, run.open_block, call)
-        coordination, prices = records.of_core(Coordination, values.pop("coupled")), np.asarray(values.pop("prices"))
-        return model.solution_of(answers.core_solution(values, None), self._coupled.blocks, prices, coordination)
+        coordination, coupling_multipliers = records.of_core(Coordination, values.pop("coupled")), np.asarray(values.pop("coupling_multipliers"))
+        return model.solution_of(answers.core_solution(values, None), self._coupled.blocks, coupling_multipliers, coordination)
 
 
 class PiecesRequest(Solve[PiecesSolution]):
@@ -149,8 +149,8 @@ def _coordinated(response: Any, arrays: records.Arrays, path: str, problem: LCQP
 def _blocks_solution(response: Any, arrays: records.Arrays, path: str,
                      blocks: Sequence[LCQP | Problem]) -> CoupledSolution:
     solution, coordination = _coordinated(response, arrays, path, None)
-    prices = arrays.get(path + "solution.coupled.prices", np.zeros(0))
-    return model.solution_of(solution, blocks, prices, coordination)
+    coupling_multipliers = arrays.get(path + "solution.coupled.coupling_multipliers", np.zeros(0))
+    return model.solution_of(solution, blocks, coupling_multipliers, coordination)
 
 
 def _pieces_solution(response: Any, arrays: records.Arrays, path: str,

@@ -24,13 +24,13 @@ class Coupled:
     """Blocks and their coupling rows: min Σ f_k(z_k), each z_k feasible for its own problem, Σ E_k z_k = total.
 
     blocks: at least one. coupling: E_k for each block, m × n_k; None where it is in no row. total: m numbers.
-    prices: initial multipliers of the rows, m; None is zeros.
+    coupling_multipliers: initial multipliers of the rows, m; None is zeros.
     """
 
     blocks: Sequence[LCQP | Problem]
     coupling: Sequence[MatrixLike | None]
     total: ArrayLike
-    prices: ArrayLike | None = None
+    coupling_multipliers: ArrayLike | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class Checked:
 
     blocks: Sequence[tuple[LCQP, Any]]
     total: Vector
-    prices: Vector | None
+    coupling_multipliers: Vector | None
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Coordination:
 
     status, detail: SOLVED if the blocks agree, ITERATION_LIMIT if they do not yet; else that of the block `failed`.
     iterations: of the coordinator. violation: of the coupling rows. step: the largest of a multiplier.
-    proximal: the last ρ. frozen_at: the iteration in which pairs were frozen, 0 never; flips: switches of pairs
+    proximal: the last ρ. frozen_at: the iteration in which pairs were frozen, 0 never; pair_switches: switches of pairs
     then. factorizations: of all blocks. objective: Σ f_k before the joint solve.
     sweep_objective, sweep_factorizations: of the forward pass over pieces; None and 0 without one.
     """
@@ -73,7 +73,7 @@ class Coordination:
     step: float
     proximal: float
     frozen_at: int
-    flips: int
+    pair_switches: int
     factorizations: int
     objective: float = field(metadata=named("blocks_objective"))
     failed: int | None = field(metadata=named("failed_block"))
@@ -85,8 +85,8 @@ class Coordination:
 class CoupledSolution:
     """The solution of coupled blocks.
 
-    status, detail, objective: of the joint problem. z: of each block. prices: multipliers of the
-    rows, m. solution: of the joint problem, all blocks' vectors one after the other, the prices the last of y.
+    status, detail, objective: of the joint problem. z: of each block. coupling_multipliers: multipliers of the
+    rows, m. solution: of the joint problem, all blocks' vectors one after the other, the coupling_multipliers the last of y.
     coordination: of the blocks. repeated: of blocks in sessions, steps that were repeated because the session or its
     server was lost.
     """
@@ -95,7 +95,7 @@ class CoupledSolution:
     detail: str
     objective: float
     z: tuple[Vector, ...]
-    prices: Vector
+    coupling_multipliers: Vector
     solution: Solution
     coordination: Coordination
     job_id: str
@@ -127,7 +127,7 @@ def checked(coupled: Coupled) -> Checked:
         lcqp = compiled(block)
         rows = None if coupling is None else matrix(coupling, f"coupling[{k}]", lcqp.g.size, total.size)
         blocks.append((lcqp, rows))
-    return Checked(blocks, total, None if coupled.prices is None else vector(coupled.prices, "prices", total.size))
+    return Checked(blocks, total, None if coupled.coupling_multipliers is None else vector(coupled.coupling_multipliers, "coupling_multipliers", total.size))
 
 
 def stages_of(problem: LCQP, pieces: Pieces) -> NDArray[np.integer[Any]]:
@@ -140,12 +140,12 @@ def stages_of(problem: LCQP, pieces: Pieces) -> NDArray[np.integer[Any]]:
     return stages
 
 
-def solution_of(solution: Solution, blocks: Sequence[LCQP | Problem], prices: Vector,
+def solution_of(solution: Solution, blocks: Sequence[LCQP | Problem], coupling_multipliers: Vector,
               coordination: Coordination) -> CoupledSolution:
     """The solution of the joint problem, block by block."""
     sizes = [compiled(block).g.size for block in blocks]
     if sum(sizes) != solution.z.size:
         raise InvalidArgument("blocks", f"must have {solution.z.size} variables, as the answer has", value=sum(sizes))
     z = tuple(np.split(solution.z, np.cumsum(sizes)[:-1]))
-    return CoupledSolution(solution.status, solution.detail, solution.objective, z, prices, solution, coordination,
+    return CoupledSolution(solution.status, solution.detail, solution.objective, z, coupling_multipliers, solution, coordination,
                          solution.job_id)

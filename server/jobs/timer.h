@@ -12,29 +12,29 @@
 namespace marble::server {
 
 /// Called by the timer while it lives.
-class Pulsed {
+class TimerListener {
  public:
-  virtual ~Pulsed() = default;
-  virtual void pulse(Clock::time_point now) = 0;
+  virtual ~TimerListener() = default;
+  virtual void on_timer(Clock::time_point now) = 0;
 };
 
-class Pulse {
+class Timer {
  public:
   static constexpr std::chrono::milliseconds kPeriod{25};
 
-  Pulse();
-  ~Pulse();
-  Pulse(const Pulse&) = delete;
-  Pulse& operator=(const Pulse&) = delete;
+  Timer();
+  ~Timer();
+  Timer(const Timer&) = delete;
+  Timer& operator=(const Timer&) = delete;
 
-  void add(const std::weak_ptr<Pulsed>& pulsed) ABSL_LOCKS_EXCLUDED(mutex_);
+  void add(const std::weak_ptr<TimerListener>& listener) ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   void run() ABSL_LOCKS_EXCLUDED(mutex_);
 
   Mutex mutex_;
   Condition wake_;
-  std::vector<std::weak_ptr<Pulsed>> pulsed_ ABSL_GUARDED_BY(mutex_);
+  std::vector<std::weak_ptr<TimerListener>> listeners_ ABSL_GUARDED_BY(mutex_);
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
   std::thread thread_;
 };

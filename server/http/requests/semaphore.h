@@ -12,23 +12,23 @@
 namespace marble::server::http {
 
 /// Thread-safe.
-class Places {
+class Semaphore {
  public:
   /// `threads` that long requests may keep, fewer than all; `bytes` of memory.
-  Places(int threads, std::int64_t bytes) : threads_(threads), bytes_(bytes) {}
-  Places(const Places&) = delete;
-  Places& operator=(const Places&) = delete;
+  Semaphore(int threads, std::int64_t bytes) : threads_(threads), bytes_(bytes) {}
+  Semaphore(const Semaphore&) = delete;
+  Semaphore& operator=(const Semaphore&) = delete;
 
   /// What one request holds; released at its end.
-  class Place {
+  class Permit {
    public:
-    Place(Place&& other) noexcept
+    Permit(Permit&& other) noexcept
         : all_(std::exchange(other.all_, nullptr)),
           threads_(other.threads_),
           bytes_(other.bytes_),
           client_(std::move(other.client_)) {}
-    Place& operator=(Place&&) = delete;
-    ~Place() {
+    Permit& operator=(Permit&&) = delete;
+    ~Permit() {
       if (all_ != nullptr) all_->leave(*this);
     }
     /// Holds this number of bytes from now on. Errors: resource_exhausted; it then keeps the number it had.
@@ -39,32 +39,32 @@ class Places {
     }
 
    private:
-    friend class Places;
-    Place(Places& all, int threads, std::int64_t bytes, std::string client)
+    friend class Semaphore;
+    Permit(Semaphore& all, int threads, std::int64_t bytes, std::string client)
         : all_(&all), threads_(threads), bytes_(bytes), client_(std::move(client)) {}
 
-    Places* all_;
+    Semaphore* all_;
     int threads_;
     std::int64_t bytes_;
     std::string client_;
   };
 
   /// Reserves a thread for the whole request. Errors: resource_exhausted.
-  [[nodiscard]] Expected<Place> stay() ABSL_LOCKS_EXCLUDED(mutex_) {
+  [[nodiscard]] Expected<Permit> stay() ABSL_LOCKS_EXCLUDED(mutex_) {
     const MutexLock lock(mutex_);
     if (staying_ >= threads_) {
       return unexpected(failure(ErrorCode::resource_exhausted, "http_connections",
                                 "leaves room for " + std::to_string(threads_) + " requests that last"));
     }
     ++staying_;
-    return Place(*this, 1, 0, "");
+    return Permit(*this, 1, 0, "");
   }
   /// Reserves bytes for a client, which may have at most half of the total. The only request of a client may
   /// exceed this half, and the only request of all clients the total. Errors: resource_exhausted.
-  [[nodiscard]] Expected<Place> hold(const std::string& client, std::int64_t bytes)
+  [[nodiscard]] Expected<Permit> hold(const std::string& client, std::int64_t bytes)
       ABSL_LOCKS_EXCLUDED(mutex_) {
     if (auto taken = take(client, 0, bytes); !taken) return unexpected(taken.error());
-    return Place(*this, 0, bytes, client);
+    return Permit(*this, 0, bytes, client);
   }
 
  private:
@@ -88,7 +88,7 @@ class Places {
     held_by_[client] = of_client + bytes;
     return {};
   }
-  void leave(const Place& place) ABSL_LOCKS_EXCLUDED(mutex_) {
+  void leave(const Permit& place) ABSL_LOCKS_EXCLUDED(mutex_) {
     const MutexLock lock(mutex_);
     staying_ -= place.threads_;
     held_ -= place.bytes_;
