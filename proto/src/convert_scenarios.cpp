@@ -216,7 +216,7 @@ void to_message(const ScenarioLevel& level, v1::ScenarioLevel* message) {
   message->set_searched(level.searched);
   message->set_memory_bytes(level.memory_bytes);
   if (!level.out_of_sample) return;
-  v1::OutOfSample* out_of_sample = message->mutable_fresh();
+  v1::OutOfSample* out_of_sample = message->mutable_out_of_sample();
   out_of_sample->set_scenarios(level.out_of_sample->scenarios);
   out_of_sample->set_without_recourse(level.out_of_sample->without_recourse);
   out_of_sample->set_mean(level.out_of_sample->mean);
@@ -238,7 +238,7 @@ ScenarioLevel scenario_level_of(const v1::ScenarioLevel& message) {
                       .warm = message.warm(),
                       .searched = message.searched(),
                       .memory_bytes = message.memory_bytes()};
-  if (!message.has_fresh()) return level;
+  if (!message.has_out_of_sample()) return level;
   const v1::OutOfSample& out_of_sample = message.out_of_sample();
   level.out_of_sample = {out_of_sample.scenarios(),      out_of_sample.without_recourse(),
                          out_of_sample.mean(),           out_of_sample.half_width(),

@@ -92,8 +92,8 @@ Expected<void> submit_body(const ServiceParts& parts, Semaphore& semaphore, cons
 }
 
 httplib::Server::HandlerWithContentReader submitting(const ServiceParts& parts, Semaphore& semaphore) {
-  return [&parts, &places](const httplib::Request& request, httplib::Response& response,
-                           const httplib::ContentReader& read) {
+  return [&parts, &semaphore](const httplib::Request& request, httplib::Response& response,
+                              const httplib::ContentReader& read) {
     Origin origin = origin_of(request);
     if (origin.trace) response.set_header("traceparent", to_traceparent(*origin.trace));
     int status = 0;
@@ -175,8 +175,8 @@ Expected<ResultStore::Shared> wait_for_answer(const ServiceParts& parts, const s
 }
 
 Answer answering(const ServiceParts& parts, Semaphore& semaphore) {
-  return [&parts, &places](const httplib::Request& request, const Identity& caller,
-                           httplib::Response& response) -> Expected<void> {
+  return [&parts, &semaphore](const httplib::Request& request, const Identity& caller,
+                              httplib::Response& response) -> Expected<void> {
     const std::string id = request.matches[1].str();
     const auto wait_s = wait_of(parts, request);
     if (!wait_s) return unexpected(wait_s.error());

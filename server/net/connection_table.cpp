@@ -203,7 +203,7 @@ void ConnectionTable::look_at_unauthenticated() {
       all += held(*one);
       if (most == nullptr || held(*one) > held(*most)) most = one;
     }
-    if (all <= limits_.unauthenticated_bytes) return;
+    if (all <= limits_.all_unauthenticated_bytes) return;
     close(*most, CloseReason::flooding);
   }
 }

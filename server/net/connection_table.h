@@ -33,9 +33,9 @@ constexpr std::array<const char*, 6> kCloseReasons = {
 
 struct ConnectionLimits {
   int all = 0, host = 0;
-  std::int64_t unauthenticated_bytes = 0;  ///< per connection, before one of its callers is known
-  std::int64_t unauthenticated_bytes = 0;  ///< limit on all such connections together
-  std::int64_t message_bytes = 0;          ///< per call on any other connection
+  std::int64_t unauthenticated_bytes = 0;      ///< per connection, before one of its callers is known
+  std::int64_t all_unauthenticated_bytes = 0;  ///< limit on all such connections together
+  std::int64_t message_bytes = 0;              ///< per call on any other connection
   Clock::duration start{}, idle{};
 };
 

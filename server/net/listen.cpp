@@ -94,7 +94,7 @@ ConnectionLimits connection_limits(const Config& config) {
   return {.all = static_cast<int>(all),
           .host = config.host_connections,
           .unauthenticated_bytes = config.unauthenticated_bytes,
-          .unauthenticated_bytes = config.transport_bytes / 4,
+          .all_unauthenticated_bytes = config.transport_bytes / 4,
           .message_bytes = config.message_bytes,
           .start = duration(config.connection_start_s),
           .idle = duration(config.connection_idle_s)};

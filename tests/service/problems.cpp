@@ -100,7 +100,7 @@ v1::SolveRequest long_proof() {
   v1::SolveRequest request;
   to_message(problem.view(), request.mutable_problem());
   request.mutable_problem()->set_name("long proof");
-  request.mutable_options()->set_global(true);
+  request.mutable_options()->set_global_search(true);
   request.mutable_options()->set_node_limit(1'000'000'000);
   return request;
 }

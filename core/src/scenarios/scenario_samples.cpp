@@ -1,3 +1,5 @@
+#include "marble/composite/scenario_samples.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -6,7 +8,6 @@
 #include <utility>
 
 #include "marble/composite/counter_random.h"
-#include "marble/composite/scenarios.h"
 #include "model/text_of.h"
 #include "scenarios/stages.h"
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "data/interrupt.h"
+#include "marble/composite/scenario_samples.h"
 #include "marble/composite/scenarios.h"
 #include "solver_bytes.h"
 

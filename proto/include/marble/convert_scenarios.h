@@ -1,6 +1,7 @@
 // Conversions between messages and scenario solves. Arrays of incoming messages are viewed, not copied.
 #pragma once
 
+#include "marble/composite/scenario_samples.h"
 #include "marble/composite/scenarios.h"
 #include "marble/v1/scenarios.pb.h"
 #include "marble/v1/service.pb.h"

@@ -64,7 +64,7 @@ BoundedServer::BoundedServer(std::unique_ptr<TlsSessions> tls, int connections, 
       answer_rate_(answer_rate),
       requests_(static_cast<std::size_t>(connections)),
       pending_connections_(static_cast<std::size_t>(std::max(connections, kLeastWaiting)),
-                           [this](const PendingConnections::Connection& guest) {
+                           [this](const PendingConnections::Pending& guest) {
                              queue_for(guest->received()).enqueue([this, guest] { serve(guest); });
                            }) {
   new_task_queue = [] { return new AtOnce; };  // httplib deletes it
@@ -104,7 +104,7 @@ TaskQueue& BoundedServer::queue_for(std::string_view request) {
   return requests_;
 }
 
-void BoundedServer::serve(const PendingConnections::Connection& connection) {
+void BoundedServer::serve(const PendingConnections::Pending& connection) {
   const std::string fault = fault_of_head(connection->received());
   const bool is_final = connection->begin_request() == kMostRequests;
   bool closes = false, is_last = true;  // unless it can be read

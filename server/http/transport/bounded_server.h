@@ -50,7 +50,7 @@ class BoundedServer final : public httplib::Server {
  private:
   bool process_and_close_socket(socket_t socket) override;
   [[nodiscard]] TaskQueue& queue_for(std::string_view request);
-  void serve(const PendingConnections::Connection& connection);
+  void serve(const PendingConnections::Pending& connection);
 
   const std::unique_ptr<TlsSessions> tls_;
   const Clock::duration line_time_;

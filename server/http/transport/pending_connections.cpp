@@ -9,9 +9,9 @@
 
 namespace marble::server::http {
 
-PendingConnections::PendingConnections(std::size_t most, Host host)
+PendingConnections::PendingConnections(std::size_t most, Handler handler)
     : most_(most),
-      host_(std::move(host)),
+      handler_(std::move(handler)),
       bell_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
       thread_([this] { run(); }) {}
 
@@ -29,11 +29,11 @@ void PendingConnections::close() {
   if (thread_.joinable()) thread_.join();
 }
 
-void PendingConnections::enter(Guest guest) {
+void PendingConnections::enter(Pending connection) {
   {
     const MutexLock lock(mutex_);
     if (closed_) return;
-    newcomers_.push_back(std::move(guest));
+    newcomers_.push_back(std::move(connection));
   }
   wake();
 }
@@ -44,44 +44,44 @@ void PendingConnections::wake() const {
 }
 
 void PendingConnections::run() {
-  std::vector<Guest> guests;  // in order of arrival
-  while (take_newcomers(guests)) {
-    guests.erase(
-        std::remove_if(guests.begin(), guests.end(), [this](const Guest& guest) { return !look_at(guest); }),
-        guests.end());
-    if (guests.size() > most_)
-      guests.erase(guests.begin(), guests.end() - static_cast<std::ptrdiff_t>(most_));
-    wait(guests);
+  std::vector<Pending> connections;  // in order of arrival
+  while (take_newcomers(connections)) {
+    connections.erase(std::remove_if(connections.begin(), connections.end(),
+                                     [this](const Pending& connection) { return !look_at(connection); }),
+                      connections.end());
+    if (connections.size() > most_)
+      connections.erase(connections.begin(), connections.end() - static_cast<std::ptrdiff_t>(most_));
+    wait(connections);
   }
 }
 
-bool PendingConnections::take_newcomers(std::vector<Guest>& guests) {
+bool PendingConnections::take_newcomers(std::vector<Pending>& connections) {
   const MutexLock lock(mutex_);
-  for (Guest& guest : newcomers_) guests.push_back(std::move(guest));
+  for (Pending& connection : newcomers_) connections.push_back(std::move(connection));
   newcomers_.clear();
   return !closed_;
 }
 
-bool PendingConnections::look_at(const Guest& guest) const {
-  const Connection::Arrival arrival = guest->receive();
+bool PendingConnections::look_at(const Pending& connection) const {
+  const Connection::Arrival arrival = connection->receive();
   if (arrival == Connection::Arrival::closed) return false;
-  const bool late = Clock::now() >= guest->due();
+  const bool late = Clock::now() >= connection->due();
   if (arrival == Connection::Arrival::head || (late && arrival == Connection::Arrival::line)) {
-    host_(guest);
+    handler_(connection);
     return false;
   }
   return !late;
 }
 
-void PendingConnections::wait(const std::vector<Guest>& guests) const {
+void PendingConnections::wait(const std::vector<Pending>& connections) const {
   std::vector<pollfd> entries = {{bell_, POLLIN, 0}};
   Clock::time_point next = Clock::time_point::max();
-  for (const Guest& guest : guests) {
-    entries.push_back(guest->awaited());
-    next = std::min(next, guest->due());
+  for (const Pending& connection : connections) {
+    entries.push_back(connection->awaited());
+    next = std::min(next, connection->due());
   }
   int patience = -1;
-  if (!guests.empty()) {
+  if (!connections.empty()) {
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(next - Clock::now()).count();
     patience = static_cast<int>(std::max<std::int64_t>(0, left));
   }

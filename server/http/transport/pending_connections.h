@@ -15,34 +15,34 @@ namespace marble::server::http {
 /// Thread-safe.
 class PendingConnections {
  public:
-  using Guest = std::shared_ptr<Connection>;
+  using Pending = std::shared_ptr<Connection>;
   /// Called on this object's thread with each connection whose request has arrived, or as much of it as
   /// arrived in time.
-  using Host = std::function<void(Guest)>;
+  using Handler = std::function<void(Pending)>;
 
   /// At most `most` wait: beyond that, the one that came first is closed.
-  PendingConnections(std::size_t most, Host host);
+  PendingConnections(std::size_t most, Handler handler);
   ~PendingConnections();
   PendingConnections(const PendingConnections&) = delete;
   PendingConnections& operator=(const PendingConnections&) = delete;
 
-  void enter(Guest guest) ABSL_LOCKS_EXCLUDED(mutex_);
+  void enter(Pending connection) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Closes all of them, including later ones.
   void close() ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   void run() ABSL_LOCKS_EXCLUDED(mutex_);
-  void wait(const std::vector<Guest>& guests) const;
+  void wait(const std::vector<Pending>& connections) const;
   // False once the connection no longer waits here.
-  [[nodiscard]] bool look_at(const Guest& guest) const;
-  [[nodiscard]] bool take_newcomers(std::vector<Guest>& guests) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool look_at(const Pending& connection) const;
+  [[nodiscard]] bool take_newcomers(std::vector<Pending>& connections) ABSL_LOCKS_EXCLUDED(mutex_);
   void wake() const;
 
   const std::size_t most_;
-  const Host host_;
+  const Handler handler_;
   const int bell_;  // eventfd
   Mutex mutex_;
-  std::vector<Guest> newcomers_ ABSL_GUARDED_BY(mutex_);
+  std::vector<Pending> newcomers_ ABSL_GUARDED_BY(mutex_);
   bool closed_ ABSL_GUARDED_BY(mutex_) = false;
   std::thread thread_;
 };

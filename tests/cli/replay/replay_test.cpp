@@ -18,9 +18,9 @@ v1::SolveRequest request_of_random(std::uint64_t seed) {
   sizes.indefinite = seed % 3 == 0;
   v1::SolveRequest request;
   to_message(random_problem(sizes, seed).view(), request.mutable_problem());
-  if (seed % 2 == 0) request.mutable_options()->set_starts(3);
+  if (seed % 2 == 0) request.mutable_options()->set_num_starts(3);
   if (seed % 5 == 0) request.mutable_options()->set_path(v1::PATH_PAPER);
-  if (seed % 7 == 0) request.mutable_options()->set_global(true);
+  if (seed % 7 == 0) request.mutable_options()->set_global_search(true);
   return request;
 }
 

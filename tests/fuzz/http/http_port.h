@@ -86,8 +86,8 @@ struct HttpPort : SmallParts {
     }
   };
   Answering httplib_;
-  server::http::Places places_{8, 1 << 20};
-  server::http::EventHub events_{all, places_};
+  server::http::Semaphore semaphore_{8, 1 << 20};
+  server::http::EventHub events_{all, semaphore_};
   server::http::Router router_{httplib_};
 };
 

@@ -169,8 +169,8 @@ void make_options(Draw& draw, v1::SolveOptions* o) {
   if (draw.chance(25)) o->set_path(static_cast<v1::Path>(draw.between(1, 3)));
   if (draw.chance(20)) o->set_method(static_cast<v1::Method>(draw.between(1, 10)));
   if (draw.chance(10)) o->set_retraction(static_cast<v1::Retraction>(draw.between(1, 2)));
-  if (draw.chance(20)) o->set_global(true);
-  if (draw.chance(10)) o->set_starts(draw.between(1, 4));
+  if (draw.chance(20)) o->set_global_search(true);
+  if (draw.chance(10)) o->set_num_starts(draw.between(1, 4));
   if (draw.chance(10)) o->set_polish(draw.chance(50));
   if (draw.chance(10)) o->set_max_local_search_factorizations(draw.between(0, 100));
   if (draw.chance(10)) o->set_max_small_problem_nodes(draw.between(0, 30));
@@ -400,7 +400,7 @@ v1::SolveRequest make_coupled(Draw& draw) {
   if (draw.chance(20)) c.set_max_iterations(draw.between(1, 20));
   if (draw.chance(20)) c.set_freeze_after(draw.between(0, 5));
   if (draw.chance(20)) c.set_searches(draw.between(0, 2));
-  if (draw.chance(20)) c.set_switches(draw.between(0, 3));
+  if (draw.chance(20)) c.set_max_pair_switches(draw.between(0, 3));
   if (draw.chance(10)) c.set_proximal(draw.chance(50) ? 10.0 : draw.hostile());
   if (draw.chance(10)) c.set_tolerance(draw.chance(50) ? 1e-6 : draw.hostile());
   return request;

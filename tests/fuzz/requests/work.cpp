@@ -47,7 +47,7 @@ void limit_budgets(v1::SolveOptions* o) {
   MARBLE_LIMIT(max_small_problem_nodes, 30)
   MARBLE_LIMIT(node_limit, 40)
 #undef MARBLE_LIMIT
-  if (o->starts() > 3) o->set_starts(3);
+  if (o->num_starts() > 3) o->set_num_starts(3);
   if (o->time_limit_s() > 0.0) o->clear_time_limit_s();
 }
 

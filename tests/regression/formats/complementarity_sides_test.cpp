@@ -82,7 +82,7 @@ TEST(ComplementaritySides, AreThoseThatTheRowNamesAndOtherBoundsStayBounds) {
       const auto file = c.read(binary);
       ASSERT_TRUE(file.has_value()) << file.error().message();
       EXPECT_EQ(file->problem.l.size(), c.pairs);
-      const Solution solution = solve_in_process(file->problem.view(), Options{.starts = 8}).value();
+      const Solution solution = solve_in_process(file->problem.view(), Options{.num_starts = 8}).value();
       ASSERT_EQ(solution.status, Status::solved);
       EXPECT_NEAR(solution.z[0], c.y, 1e-6);
       EXPECT_NEAR(solution.z[1], c.w, 1e-6);

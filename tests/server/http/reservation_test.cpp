@@ -19,7 +19,7 @@ std::shared_ptr<v1::SolveResponse> answer_of(int numbers) {
 }
 
 TEST(Semaphore, AreGivenBackAndNeverMoreThanThereAre) {
-  Semaphore places(1, 100);
+  Semaphore semaphore(1, 100);
   {
     const auto first = semaphore.stay();
     ASSERT_TRUE(first);
@@ -32,7 +32,7 @@ TEST(Semaphore, AreGivenBackAndNeverMoreThanThereAre) {
 }
 
 TEST(Semaphore, MemoryIsSharedAndOneRequestAloneMayHaveMore) {
-  Semaphore places(1, 100);
+  Semaphore semaphore(1, 100);
   {
     const auto some = semaphore.hold("alice", 60);
     ASSERT_TRUE(some);
@@ -46,7 +46,7 @@ TEST(Semaphore, MemoryIsSharedAndOneRequestAloneMayHaveMore) {
 }
 
 TEST(Semaphore, OneClientTakesHalfOfTheMemoryAtMost) {
-  Semaphore places(1, 100);
+  Semaphore semaphore(1, 100);
   const auto first = semaphore.hold("alice", 30);
   ASSERT_TRUE(first);
   const auto second = semaphore.hold("alice", 30);
@@ -57,7 +57,7 @@ TEST(Semaphore, OneClientTakesHalfOfTheMemoryAtMost) {
 }
 
 TEST(Semaphore, ResizeToWhatARequestReallyTakes) {
-  Semaphore places(1, 100);
+  Semaphore semaphore(1, 100);
   auto one = semaphore.hold("alice", 100);
   ASSERT_TRUE(one);
   EXPECT_FALSE(semaphore.hold("bob", 1));
@@ -70,7 +70,7 @@ TEST(Semaphore, ResizeToWhatARequestReallyTakes) {
 }
 
 TEST(LongAnswer, HoldsItsMemoryAndAThreadUntilTheResponseIsGone) {
-  Semaphore places(1, kBytes);
+  Semaphore semaphore(1, kBytes);
   {
     httplib::Response response;
     const auto message = answer_of(50'000);
@@ -99,7 +99,7 @@ TEST(LongAnswer, HoldsItsMemoryAndAThreadUntilTheResponseIsGone) {
 }
 
 TEST(LongAnswer, OfAFewBytesHoldsNothing) {
-  Semaphore places(0, kBytes);
+  Semaphore semaphore(0, kBytes);
   httplib::Response response;
   const auto message = answer_of(10);
   ASSERT_TRUE(reply_long_json(response, semaphore, "alice", message));

@@ -39,7 +39,7 @@ TEST(Routes, AreThoseOfTheDescription) {
   IdleParts parts;
   httplib::Server server;
   Router router(server);
-  Semaphore places(1, 1);
+  Semaphore semaphore(1, 1);
   EventHub hub(parts.all, semaphore);
   add_health_routes(router, parts.all, {});
   add_job_routes(router, parts.all, semaphore);

@@ -66,10 +66,10 @@ TEST(SessionUpdate, ItsOptionsAreThoseInForceButForWhatItSets) {
   Options in_force;
   in_force.max_iterations = 7;
   v1::SessionUpdate message;
-  message.mutable_options()->set_starts(3);
+  message.mutable_options()->set_num_starts(3);
   const Update update = checked(message, in_force);
   EXPECT_EQ(update.options().max_iterations, 7);
-  EXPECT_EQ(update.checked().options()->starts, 3);
+  EXPECT_EQ(update.checked().options()->num_starts, 3);
 }
 
 TEST(SessionUpdate, ASolveEndsByItsDeadline) {

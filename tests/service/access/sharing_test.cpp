@@ -160,7 +160,7 @@ TEST_F(Sharing, FurtherStartsGiveTheSameAnswerWhateverTheLoad) {
   v1::SolveRequest request;
   const OwnedProblem p = examples::hopper({.steps = 24});
   to_message(p.view(), request.mutable_problem());
-  request.mutable_options()->set_starts(5);
+  request.mutable_options()->set_num_starts(5);
   Options options;
   options.num_starts = 5;
   const Solution alone = solve_in_process(p.view(), options).value();

@@ -94,7 +94,7 @@ TEST_F(Scenarios, ReportLevelsAndThenTheAnswer) {
   for (const v1::ScenarioLevel& level : reported.levels) sizes.push_back(level.scenarios());
   EXPECT_EQ(sizes, (std::vector<std::int64_t>{1, 2, 4, 8}));
   EXPECT_GT(reported.levels[1].out_of_sample().half_width(), 0.0);
-  EXPECT_FALSE(reported.levels[3].has_fresh()) << "there are no scenarios but these";
+  EXPECT_FALSE(reported.levels[3].has_out_of_sample()) << "there are no scenarios but these";
   EXPECT_GE(reported.rows, 1);
   const v1::Solution& solution = reported.result.solution();
   EXPECT_EQ(solution.status(), v1::STATUS_SOLVED);

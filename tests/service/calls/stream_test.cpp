@@ -11,7 +11,7 @@ class SolveStream : public ServiceTest {
   static v1::SolveRequest with_starts(int starts) {
     v1::SolveRequest request;
     to_message(examples::hopper({.steps = 40}).view(), request.mutable_problem());
-    request.mutable_options()->set_starts(starts);
+    request.mutable_options()->set_num_starts(starts);
     return request;
   }
   /// A client of this kind is killed while its solve runs.

@@ -129,7 +129,7 @@ TEST_F(HttpSubmit, EveryMemberOfTheRequestCounts) {
       posted(request, {{"traceparent", "00-" + std::string(32, 'a') + "-" + std::string(16, 'b') + "-01"}});
   ASSERT_TRUE(eventually_finished(id));
   const v1::GetJobResponse reported = job(id);
-  EXPECT_EQ(reported.options().starts(), 7);
+  EXPECT_EQ(reported.options().num_starts(), 7);
   EXPECT_EQ(reported.options().path(), v1::PATH_PAPER);
   EXPECT_EQ(reported.job().priority(), v1::PRIORITY_BATCH);
   EXPECT_EQ(reported.job().request_id(), "mine");

@@ -106,14 +106,14 @@ class Memory : public HttpServiceTest {
     v1::SolveRequest request = limited();
     const bool dense = random() % 2 == 0;
     set_problem(request.mutable_problem(), power(random, 8, dense ? 11 : 18), dense);
-    request.mutable_options()->set_starts(power(random, 0, 20));
+    request.mutable_options()->set_num_starts(power(random, 0, 20));
     return request;
   }
   static v1::SolveRequest tree(Random& random) {
     v1::SolveRequest request = limited();
     set_problem(request.mutable_problem(), power(random, 5, 13), random() % 2 == 0 && random() % 2 == 0);
     if (request.problem().hessian().values_size() > (1 << 20)) request.mutable_problem()->Clear();
-    request.mutable_options()->set_global(true);
+    request.mutable_options()->set_global_search(true);
     request.mutable_options()->set_node_limit(1'000'000'000);
     return request;
   }

@@ -57,7 +57,7 @@ void expect_switches_predicted(const OwnedProblem& p, double rho) {
   int predicted = 0;
   for (Index pair = 0; pair < s.problem.pairs(); ++pair) {
     const Parametric::Move moves[] = {{s.parametric.fixed_row(pair), false},
-                                       {s.parametric.free_row(pair), true}};
+                                      {s.parametric.free_row(pair), true}};
     const auto objective = s.parametric.follow(moves, kInfinity, 0.0);
     if (!objective) continue;  // too many rows change
     ++predicted;
@@ -115,7 +115,7 @@ TEST(Parametric, GivesUpExactlyOnWhatCannotEndBelowTheCutoff) {
     ASSERT_TRUE(s.solved);
     for (Index pair = 0; pair < s.problem.pairs(); ++pair) {
       const Parametric::Move moves[] = {{s.parametric.fixed_row(pair), false},
-                                         {s.parametric.free_row(pair), true}};
+                                        {s.parametric.free_row(pair), true}};
       const auto unlimited = s.parametric.follow(moves, kInfinity, 0.0);
       if (!unlimited) continue;
       const double margin = 1e-9 * (1.0 + std::abs(*unlimited));
@@ -131,7 +131,7 @@ TEST(Parametric, TheWorkingSetItEndsWithIsTheOneOfTheNewOptimum) {
   ASSERT_TRUE(s.solved);
   for (Index pair = 0; pair < s.problem.pairs(); ++pair) {
     const Parametric::Move moves[] = {{s.parametric.fixed_row(pair), false},
-                                       {s.parametric.free_row(pair), true}};
+                                      {s.parametric.free_row(pair), true}};
     ASSERT_TRUE(s.parametric.follow(moves, kInfinity, 0.0).has_value());
     WorkingSet before = s.branch.point.set;
     WorkingSet after = before;
@@ -154,7 +154,7 @@ TEST(Parametric, FollowingMovesLeavesTheStartAsItWas) {
   ASSERT_TRUE(s.solved);
   const auto follow = [&](Index pair) {
     const Parametric::Move moves[] = {{s.parametric.fixed_row(pair), false},
-                                       {s.parametric.free_row(pair), true}};
+                                      {s.parametric.free_row(pair), true}};
     return s.parametric.follow(moves, kInfinity, 0.0);
   };
   const auto first = follow(0);

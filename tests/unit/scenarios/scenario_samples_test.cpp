@@ -1,4 +1,6 @@
 // Scenarios as tables and as random numbers.
+#include "marble/composite/scenario_samples.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -6,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "marble/composite/scenarios.h"
 #include "scenarios/random_scenarios.h"
 
 namespace marble {

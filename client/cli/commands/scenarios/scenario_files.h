@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "marble/composite/scenarios.h"
+#include "marble/composite/scenario_samples.h"
 
 namespace marble::cli {
 

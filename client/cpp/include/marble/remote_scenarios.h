@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <string>
 
+#include "marble/composite/scenario_samples.h"
 #include "marble/composite/scenarios.h"
 
 namespace marble {

@@ -1,5 +1,3 @@
-#include "marble/composite/scenarios.h"
-
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -10,6 +8,7 @@
 #include "arrays.h"
 #include "calls/call.h"
 #include "composite/composite.h"
+#include "marble/composite/scenario_samples.h"
 
 namespace marble::python {
 namespace {
