@@ -57,10 +57,13 @@ class Release(unittest.TestCase):
         self.git("commit", "--quiet", "--message", "All of it")
 
     def release(self, *arguments, **environment):
+        return self.run_release(*arguments, self.work / "packages", **environment)
+
+    def run_release(self, *arguments, **environment):
         path = f"{self.checkout / 'programs'}{os.pathsep}{os.environ['PATH']}"
         names = {"GIT_COMMITTER_NAME": "A Tester", "GIT_COMMITTER_EMAIL": "tester@marble.example"}
-        return subprocess.run([self.checkout / "deploy/release", *arguments, self.work / "packages"], text=True,
-                              capture_output=True, env={**os.environ, **names, **environment, "PATH": path})
+        return subprocess.run([self.checkout / "deploy/release", *arguments], text=True, capture_output=True,
+                              env={**os.environ, **names, **environment, "PATH": path})
 
     def refuses(self, why, *arguments, **environment):
         done = self.release(*arguments, **environment)
@@ -134,6 +137,43 @@ class Release(unittest.TestCase):
 
     def test_faults_of_tidy_are_refused(self):
         self.refuses("tests/tidy found faults", TIDY_FAULTS="1")
+
+    def test_a_dry_run_without_builds_reports_what_a_release_lacks_and_writes_nothing(self):
+        self.write("CHANGELOG.md", "# Changes\n\n## 1.2.3, unreleased\n\n## 1.2.2, 2026-01-01\n")
+        self.commit()
+        self.git("tag", "v1.2.3")
+        done = self.run_release("--dry-run", "--skip-builds")
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        self.assertEqual(done.stdout.splitlines(), [
+            "A release would be refused: the tag v1.2.3 exists",
+            "A release would be refused: CHANGELOG.md has no dated entry of 1.2.3",
+            "Dry run: the checks of 1.2.3 passed. Nothing was built, signed or tagged."])
+        self.assertEqual(self.git("status", "--porcelain"), "")
+
+    def test_a_dry_run_refuses_uncommitted_changes_another_version_and_faults_of_tidy(self):
+        def refused(why, **environment):
+            done = self.run_release("--dry-run", "--skip-builds", **environment)
+            self.assertEqual(done.returncode, 1, done.stdout)
+            self.assertIn(why, done.stderr)
+        refused("tests/tidy found faults", TIDY_FAULTS="1")
+        self.write("deploy/VERSION", "1.3.0\n")
+        refused("not committed")
+        self.commit()
+        refused("deploy/VERSION is 1.3.0, but the newest entry of CHANGELOG.md is of '1.2.3'")
+
+    def test_a_dry_run_builds_the_packages_but_neither_signs_nor_tags(self):
+        self.write("build/release/marble.binpb", "another contract")
+        self.commit()
+        done = self.release("--dry-run")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("A release would be refused: proto/released is not the contract that was built", done.stdout)
+        self.assertTrue((self.work / "packages/SHA256SUMS").exists())
+        self.refuses("--dry-run neither signs nor tags", "--dry-run", "--sign", self.key, "--tag")
+        self.assertEqual(self.git("tag"), "")
+
+    def test_only_a_dry_run_may_skip_the_builds(self):
+        self.assertEqual(self.run_release("--skip-builds").returncode, 2)
+        self.assertEqual(self.run_release("--dry-run").returncode, 2)
 
 
 if __name__ == "__main__":
