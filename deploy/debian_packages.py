@@ -5,7 +5,7 @@ import pathlib
 import re
 import subprocess
 
-# Headers and archives, by the packages whose copyright files give their licences: deploy/DEPENDENCIES.md.
+# Headers and archives, by the packages whose copyright files give their licences: docs/DEPENDENCIES.md.
 COMPILED_IN = ("libamplsolver-dev", "libeigen3-dev", "libexpected-dev", "libcli11-dev", "nlohmann-json3-dev",
                "libtomlplusplus-dev", "libjs-chart.js")
 
