@@ -33,8 +33,8 @@ struct HttpPort : SmallParts {
       response.status = 403;
       return httplib::Server::HandlerResponse::Handled;
     });
-    server::http::add_job_routes(router_, all, places_);
-    server::http::add_submission_routes(router_, all, places_);
+    server::http::add_job_routes(router_, all, semaphore_);
+    server::http::add_submission_routes(router_, all, semaphore_);
     server::http::add_event_routes(router_, all, events_);
     server::http::add_health_routes(router_, all, {});
     server::http::add_metrics_route(router_, all);
