@@ -8,7 +8,7 @@
 #include <random>
 
 #include "balancer.h"
-#include "queue/job_queue.h"
+#include "jobs/job_queue.h"
 
 namespace marble::fleet_sim {
 namespace {

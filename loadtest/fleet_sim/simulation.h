@@ -1,5 +1,5 @@
 // Provides a discrete-event simulation of planners, a balancer and servers. Each server's queue is the
-// server's own code, server/queue/job_queue.h; time, the solves and the network are simulated.
+// server's own code, server/jobs/job_queue.h; time, the solves and the network are simulated.
 #pragma once
 
 #include <cstdint>

@@ -10,8 +10,8 @@
 #include "branch/branch_point.h"
 #include "marble/sensitivity.h"
 #include "marble/warm_solver.h"
+#include "model/tuning.h"
 #include "problems.h"
-#include "tuning.h"
 
 namespace {
 

@@ -3,7 +3,7 @@
 
 #include <benchmark/benchmark.h>
 
-#include "data/scaling.h"
+#include "model/scaling.h"
 #include "problems.h"
 
 namespace {

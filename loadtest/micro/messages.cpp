@@ -1,11 +1,11 @@
 // Measures the path of a request from bytes to a validated problem, and of its solution back.
 #include <benchmark/benchmark.h>
 
+#include "base/wire.h"
 #include "marble/convert.h"
 #include "marble/solver.h"
 #include "marble/v1/service.pb.h"
 #include "problems.h"
-#include "wire/wire.h"
 
 namespace {
 

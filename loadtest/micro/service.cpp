@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "jobs/job_queue.h"
 #include "jobs/job_record.h"
 #include "jobs/progress_slot.h"
-#include "queue/job_queue.h"
 
 namespace {
 

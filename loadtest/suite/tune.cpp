@@ -14,9 +14,9 @@
 #include <thread>
 #include <type_traits>
 
+#include "model/tuning.h"
 #include "problems/tuning_families.h"
 #include "record.h"
-#include "tuning.h"
 
 namespace marble::suite {
 
@@ -52,7 +52,7 @@ std::vector<Number> all_numbers() {
   using enum Basis;
   return {
 #define MARBLE_TUNING(type, name, value, unit, what, basis, why) number(#name, tuning::name, basis),
-#include "tuning.def"
+#include "model/tuning.def"
 #undef MARBLE_TUNING
   };
 }

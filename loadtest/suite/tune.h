@@ -1,4 +1,5 @@
-// Measures the effect of each number of core/src/tuning.def: a sweep over generated families of problems.
+// Measures the effect of each number of core/src/model/tuning.def: a sweep over generated families of
+// problems.
 #pragma once
 
 #include <string>

@@ -2,9 +2,9 @@
 
 #include <utility>
 
-#include "messages/reply.h"
-#include "wire/status.h"
-#include "wire/wire.h"
+#include "base/status.h"
+#include "base/wire.h"
+#include "service/reply.h"
 
 namespace marble::server {
 

@@ -1,15 +1,15 @@
 #include "calls/jobs_service.h"
 
-#include "arrays/array_results_call.h"
-#include "arrays/submit_array_call.h"
-#include "bundles/bundle_call.h"
+#include "calls/bundle_call.h"
 #include "calls/result_call.h"
 #include "calls/watch_call.h"
-#include "messages/job_requests.h"
-#include "queue/job_log.h"
+#include "jobs/job_log.h"
+#include "service/job_requests.h"
 #include "service/read_first.h"
 #include "service/unary_call.h"
 #include "store/submissions.h"
+#include "submissions/array_results_call.h"
+#include "submissions/submit_array_call.h"
 
 namespace marble::server {
 namespace {

@@ -1,13 +1,13 @@
 #include "calls/result_call.h"
 
-#include "arrays/arrays.h"
+#include "base/status.h"
+#include "base/wire.h"
 #include "marble/v1/service.pb.h"
-#include "messages/job_access.h"
 #include "process/fault_point.h"
 #include "service/admission.h"
+#include "service/job_access.h"
 #include "store/submissions.h"
-#include "wire/status.h"
-#include "wire/wire.h"
+#include "submissions/arrays.h"
 
 namespace marble::server {
 

@@ -1,9 +1,9 @@
 #include "calls/solve_call.h"
 
-#include "messages/reply.h"
+#include "base/status.h"
+#include "base/wire.h"
 #include "service/admission.h"
-#include "wire/status.h"
-#include "wire/wire.h"
+#include "service/reply.h"
 
 namespace marble::server {
 

@@ -2,12 +2,12 @@
 
 #include <utility>
 
+#include "base/status.h"
+#include "base/wire.h"
 #include "marble/convert.h"
 #include "marble/convert_scenarios.h"
-#include "messages/reply.h"
 #include "service/admission.h"
-#include "wire/status.h"
-#include "wire/wire.h"
+#include "service/reply.h"
 
 namespace marble::server {
 grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const ServiceParts& parts,

@@ -1,10 +1,10 @@
 #include "calls/solver_service.h"
 
 #include "calls/batch_call.h"
+#include "calls/session_call.h"
 #include "calls/solve_call.h"
 #include "calls/solve_stream.h"
 #include "service/read_first.h"
-#include "sessions/session_call.h"
 
 namespace marble::server {
 

@@ -2,9 +2,9 @@
 
 #include <utility>
 
+#include "base/status.h"
+#include "base/wire.h"
 #include "service/admission.h"
-#include "wire/status.h"
-#include "wire/wire.h"
 
 namespace marble::server {
 

@@ -5,11 +5,11 @@
 #include <iterator>
 #include <sstream>
 
+#include "base/state_uri.h"
 #include "base/text_file.h"
 #include "config/certificates.h"
 #include "config/config_file.h"
 #include "log/log_levels.h"
-#include "postgres/state_uri.h"
 
 namespace marble::server {
 namespace {

@@ -9,8 +9,8 @@
 
 #include "jobs/unix_time.h"
 #include "marble/convert.h"
-#include "messages/job_message.h"
-#include "messages/stored_job.h"
+#include "service/job_message.h"
+#include "service/stored_job.h"
 
 namespace marble::server {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "postgres/postgres.h"
+#include "base/postgres.h"
 
 namespace marble::server {
 

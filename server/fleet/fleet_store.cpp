@@ -7,8 +7,8 @@
 
 #include "base/random_id.h"
 #include "fleet/fleet_statements.h"
+#include "jobs/scheduler.h"
 #include "process/fault_point.h"
-#include "queue/scheduler.h"
 
 namespace marble::server {
 namespace {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "fleet/fleet_schema.h"
-#include "queue/job_queue.h"
+#include "jobs/job_queue.h"
 #include "store/group_writer.h"
 #include "store/job_store.h"
 

@@ -6,17 +6,17 @@
 #include <array>
 
 #include "base/random_id.h"
+#include "base/status.h"
 #include "jobs/unix_time.h"
 #include "marble/convert.h"
-#include "messages/job_access.h"
-#include "messages/job_message.h"
-#include "messages/job_requests.h"
-#include "messages/stored_job.h"
 #include "process/fault_point.h"
 #include "service/admission.h"
+#include "service/job_access.h"
+#include "service/job_message.h"
+#include "service/job_requests.h"
+#include "service/stored_job.h"
 #include "store/digest.h"
 #include "submissions/result_keeper.h"
-#include "wire/status.h"
 
 namespace marble::server {
 namespace {

@@ -2,9 +2,9 @@
 
 #include <utility>
 
-#include "http/requests/caller.h"
-#include "http/requests/endpoint.h"
-#include "http/requests/reply.h"
+#include "http/caller.h"
+#include "http/endpoint.h"
+#include "http/reply.h"
 #include "service/server_info.h"
 
 namespace marble::server::http {

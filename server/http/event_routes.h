@@ -1,8 +1,8 @@
 // /api/events and /api/jobs/ID/events: server-sent events about jobs and the server.
 #pragma once
 
-#include "http/requests/event_hub.h"
-#include "http/requests/router.h"
+#include "http/event_hub.h"
+#include "http/router.h"
 
 namespace marble::server::http {
 

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "http/requests/router.h"
+#include "http/router.h"
 #include "service/service_parts.h"
 
 namespace marble::server::http {

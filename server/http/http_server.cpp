@@ -2,17 +2,17 @@
 
 #include <httplib.h>
 
+#include "http/bounded_server.h"
+#include "http/browser_guard.h"
+#include "http/endpoint.h"
 #include "http/event_routes.h"
 #include "http/health_routes.h"
 #include "http/job_routes.h"
 #include "http/metrics_route.h"
 #include "http/page_routes.h"
-#include "http/requests/browser_guard.h"
-#include "http/requests/endpoint.h"
-#include "http/requests/reply.h"
-#include "http/requests/semaphore.h"
+#include "http/reply.h"
+#include "http/semaphore.h"
 #include "http/submission_routes.h"
-#include "http/transport/bounded_server.h"
 
 namespace marble::server {
 namespace {

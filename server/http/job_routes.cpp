@@ -5,12 +5,12 @@
 #include <future>
 #include <memory>
 
-#include "bundles/job_bundle.h"
-#include "http/requests/endpoint.h"
-#include "http/requests/reply.h"
+#include "calls/job_bundle.h"
+#include "http/endpoint.h"
+#include "http/reply.h"
 #include "marble/progress.h"
-#include "messages/job_access.h"
-#include "messages/job_requests.h"
+#include "service/job_access.h"
+#include "service/job_requests.h"
 #include "service/server_info.h"
 #include "store/submissions.h"
 

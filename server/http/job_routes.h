@@ -1,8 +1,8 @@
 // /api/info and /api/jobs: the data of Server.GetInfo and of Jobs.List, Get and Cancel as JSON.
 #pragma once
 
-#include "http/requests/router.h"
-#include "http/requests/semaphore.h"
+#include "http/router.h"
+#include "http/semaphore.h"
 #include "service/service_parts.h"
 
 namespace marble::server::http {

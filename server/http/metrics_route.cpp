@@ -1,9 +1,9 @@
 #include "http/metrics_route.h"
 
-#include "http/requests/caller.h"
-#include "http/requests/endpoint.h"
-#include "http/transport/bounded_server.h"
-#include "http/transport/gzip.h"
+#include "http/bounded_server.h"
+#include "http/caller.h"
+#include "http/endpoint.h"
+#include "http/gzip.h"
 #include "service/scrape.h"
 
 namespace marble::server::http {

@@ -1,7 +1,7 @@
 // GET /metrics, for Prometheus. Needs the role observe.
 #pragma once
 
-#include "http/requests/router.h"
+#include "http/router.h"
 #include "service/service_parts.h"
 
 namespace marble::server::http {

@@ -3,12 +3,12 @@
 #include <array>
 #include <utility>
 
+#include "http/endpoint.h"
+#include "http/event_hub.h"
 #include "http/page_assets.h"
-#include "http/requests/endpoint.h"
-#include "http/requests/event_hub.h"
-#include "http/requests/reply.h"
+#include "http/reply.h"
+#include "jobs/recent_json.h"
 #include "process/process.h"
-#include "recent/recent_json.h"
 
 namespace marble::server::http {
 namespace {

@@ -1,8 +1,8 @@
 // The page and its data: / and /assets/NAME from the binary, and the recent history of the server.
 #pragma once
 
-#include "http/requests/router.h"
-#include "recent/server_history.h"
+#include "http/router.h"
+#include "jobs/server_history.h"
 #include "service/service_parts.h"
 
 namespace marble::server::http {

@@ -7,16 +7,16 @@
 #include <optional>
 #include <sstream>
 
-#include "http/requests/browser_guard.h"
-#include "http/requests/caller.h"
-#include "http/requests/endpoint.h"
-#include "http/requests/reply.h"
-#include "http/requests/solve_request.h"
-#include "http/transport/bounded_server.h"
-#include "messages/job_access.h"
+#include "base/wire.h"
+#include "http/bounded_server.h"
+#include "http/browser_guard.h"
+#include "http/caller.h"
+#include "http/endpoint.h"
+#include "http/reply.h"
+#include "http/solve_request.h"
 #include "service/admission.h"
+#include "service/job_access.h"
 #include "store/submissions.h"
-#include "wire/wire.h"
 
 namespace marble::server::http {
 namespace {

@@ -1,8 +1,8 @@
 // Submitted jobs on the HTTP port: submits a problem, returns its result, deletes both.
 #pragma once
 
-#include "http/requests/router.h"
-#include "http/requests/semaphore.h"
+#include "http/router.h"
+#include "http/semaphore.h"
 #include "service/service_parts.h"
 
 namespace marble::server::http {

@@ -5,12 +5,12 @@
 #include <utility>
 
 #include "base/random_id.h"
-#include "composite/coupled_work.h"
-#include "composite/scenario_work.h"
+#include "base/status.h"
+#include "jobs/job_log.h"
 #include "marble/contract.h"
 #include "marble/convert.h"
-#include "queue/job_log.h"
-#include "wire/status.h"
+#include "service/coupled_work.h"
+#include "service/scenario_work.h"
 
 namespace marble::server {
 namespace {

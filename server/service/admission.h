@@ -7,10 +7,10 @@
 #include <span>
 
 #include "access/origin.h"
+#include "jobs/job.h"
 #include "marble/v1/service.pb.h"
 #include "marble/v1/session.pb.h"
-#include "messages/sensitivity_limits.h"
-#include "queue/job.h"
+#include "service/sensitivity_limits.h"
 #include "service/service_parts.h"
 
 namespace marble::server {

@@ -4,9 +4,9 @@
 
 #include "jobs/progress_slot.h"
 #include "marble/convert.h"
-#include "messages/job_access.h"
-#include "messages/job_message.h"
 #include "service/admission.h"
+#include "service/job_access.h"
+#include "service/job_message.h"
 
 namespace marble::server {
 namespace {

@@ -11,11 +11,11 @@
 #include <utility>
 
 #include "access/origin.h"
+#include "base/status.h"
 #include "marble/v1/service.grpc.pb.h"
 #include "service/admission.h"
 #include "service/service_parts.h"
 #include "store/submissions.h"
-#include "wire/status.h"
 
 namespace marble::server {
 

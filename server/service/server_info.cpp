@@ -4,8 +4,8 @@
 
 #include "marble/convert.h"
 #include "marble/version.h"
-#include "messages/job_message.h"
 #include "process/process.h"
+#include "service/job_message.h"
 #include "service/service_parts.h"
 
 namespace marble::server {

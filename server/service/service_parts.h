@@ -8,12 +8,12 @@
 #include "jobs/client_limit.h"
 #include "jobs/job_board.h"
 #include "jobs/result_store.h"
+#include "jobs/scheduler.h"
+#include "jobs/session_table.h"
 #include "log/log.h"
 #include "metrics/metrics.h"
 #include "net/connection_table.h"
 #include "net/live_calls.h"
-#include "queue/scheduler.h"
-#include "queue/session_table.h"
 #include "service/job_feed.h"
 
 namespace marble::server {

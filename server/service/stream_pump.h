@@ -10,8 +10,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "base/wire.h"
 #include "mutex.h"
-#include "wire/wire.h"
 
 namespace marble::server {
 

@@ -8,10 +8,10 @@
 #include <type_traits>
 
 #include "access/origin.h"
+#include "base/status.h"
+#include "base/wire.h"
 #include "service/admission.h"
 #include "store/submissions.h"
-#include "wire/status.h"
-#include "wire/wire.h"
 
 namespace marble::server {
 

@@ -1,12 +1,12 @@
 #include "submissions/local_submissions.h"
 
+#include "base/wire.h"
 #include "jobs/unix_time.h"
-#include "messages/job_access.h"
-#include "messages/job_requests.h"
 #include "service/admission.h"
+#include "service/job_access.h"
+#include "service/job_requests.h"
 #include "store/digest.h"
 #include "submissions/result_keeper.h"
-#include "wire/wire.h"
 
 namespace marble::server {
 namespace {

@@ -1,10 +1,10 @@
 // Submitted jobs of this server alone: in memory, and on disk if there is a store.
 #pragma once
 
-#include "arrays/arrays.h"
 #include "service/service_parts.h"
 #include "store/job_store.h"
 #include "store/submissions.h"
+#include "submissions/arrays.h"
 #include "submissions/recovery.h"
 
 namespace marble::server {

@@ -5,10 +5,10 @@
 #include "base/random_id.h"
 #include "jobs/unix_time.h"
 #include "marble/convert.h"
-#include "messages/job_message.h"
-#include "messages/stored_job.h"
 #include "process/fault_point.h"
 #include "service/admission.h"
+#include "service/job_message.h"
+#include "service/stored_job.h"
 #include "submissions/result_keeper.h"
 
 namespace marble::server {

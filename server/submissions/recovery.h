@@ -5,10 +5,10 @@
 #include <deque>
 #include <memory>
 
-#include "arrays/arrays.h"
 #include "mutex.h"
 #include "service/service_parts.h"
 #include "store/job_store.h"
+#include "submissions/arrays.h"
 
 namespace marble::server {
 

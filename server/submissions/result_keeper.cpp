@@ -1,10 +1,10 @@
 #include "submissions/result_keeper.h"
 
-#include "messages/job_message.h"
-#include "messages/reply.h"
+#include "base/status.h"
+#include "base/wire.h"
 #include "process/fault_point.h"
-#include "wire/status.h"
-#include "wire/wire.h"
+#include "service/job_message.h"
+#include "service/reply.h"
 
 namespace marble::server {
 namespace {

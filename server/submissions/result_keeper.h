@@ -6,8 +6,8 @@
 #include <optional>
 #include <utility>
 
+#include "jobs/job.h"
 #include "mutex.h"
-#include "queue/job.h"
 #include "service/service_parts.h"
 #include "store/job_store.h"
 

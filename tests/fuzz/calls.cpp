@@ -13,6 +13,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "base/wire.h"
 #include "calls/jobs_service.h"
 #include "calls/solver_service.h"
 #include "expect.h"
@@ -23,7 +24,6 @@
 #include "requests/mutate.h"
 #include "requests/work.h"
 #include "service/info_service.h"
-#include "wire/wire.h"
 
 using namespace marble;
 

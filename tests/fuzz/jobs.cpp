@@ -5,10 +5,10 @@
 #include <map>
 #include <optional>
 
-#include "bundles/job_bundle.h"
+#include "base/wire.h"
+#include "calls/job_bundle.h"
 #include "expect.h"
 #include "marble/convert.h"
-#include "messages/job_requests.h"
 #include "requests/findings.h"
 #include "requests/judge.h"
 #include "requests/make.h"
@@ -16,8 +16,8 @@
 #include "requests/submitted.h"
 #include "requests/work.h"
 #include "service/job_feed.h"
+#include "service/job_requests.h"
 #include "store/submissions.h"
-#include "wire/wire.h"
 
 using namespace marble;
 

@@ -9,16 +9,16 @@
 #include <map>
 #include <optional>
 
+#include "base/wire.h"
+#include "calls/waiting_updates.h"
 #include "expect.h"
 #include "marble/convert.h"
-#include "messages/reply.h"
 #include "requests/findings.h"
 #include "requests/judge.h"
 #include "requests/make.h"
 #include "requests/mutate.h"
 #include "requests/work.h"
-#include "sessions/waiting_updates.h"
-#include "wire/wire.h"
+#include "service/reply.h"
 
 using namespace marble;
 using server::Update;

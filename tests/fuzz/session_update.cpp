@@ -1,7 +1,7 @@
 // Two updates of a session as bytes, the second of which takes the first along: what the checks let through
 // the solver takes, and both together are no larger than one may be. The first byte says where the second
 // message begins.
-#include "sessions/session_update.h"
+#include "calls/session_update.h"
 
 #include <google/protobuf/stubs/logging.h>
 

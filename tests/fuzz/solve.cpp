@@ -5,12 +5,12 @@
 
 #include <cstdint>
 
+#include "base/wire.h"
 #include "requests/findings.h"
 #include "requests/judge.h"
 #include "requests/make.h"
 #include "requests/mutate.h"
 #include "requests/work.h"
-#include "wire/wire.h"
 
 using namespace marble;
 

@@ -4,8 +4,8 @@
 
 #include <Eigen/Core>
 
-#include "data/residual.h"
 #include "kkt/kkt.h"
+#include "model/residual.h"
 
 namespace marble::testing {
 

@@ -4,9 +4,9 @@
 #include <memory>
 #include <vector>
 
-#include "data/residual.h"
 #include "kkt/dense_kkt.h"
 #include "kkt/sparse_kkt.h"
+#include "model/residual.h"
 #include "random_vector.h"
 #include "support/problems/random_problem.h"
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <random>
 
-#include "data/linear_algebra.h"
+#include "model/linear_algebra.h"
 
 namespace marble::testing {
 

@@ -1,7 +1,7 @@
 // The rows of a scaled problem by the matrix they came from.
 #pragma once
 
-#include "data/scaling.h"
+#include "model/scaling.h"
 
 namespace marble {
 

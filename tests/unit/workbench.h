@@ -4,9 +4,9 @@
 #include <memory>
 #include <vector>
 
-#include "data/residual.h"
 #include "kkt/kkt.h"
-#include "run/run.h"
+#include "model/residual.h"
+#include "path/run.h"
 #include "support/judges/independent_check.h"
 
 namespace marble::testing {

@@ -191,8 +191,8 @@ test("errors of the server's checks use the caller's names", async () => {
     return true;
   });
   for (const [options, field] of [
-    [{ relativeRelativeGapTolerance: 1 }, "options.relativeRelativeGapTolerance"],
-    [{ relativeRelativeGapTolerance: Number.NaN }, "options.relativeRelativeGapTolerance"],
+    [{ relativeGapTolerance: 1 }, "options.relativeGapTolerance"],
+    [{ relativeGapTolerance: Number.NaN }, "options.relativeGapTolerance"],
     [{ nodeLimit: 0 }, "options.nodeLimit"],
   ] as const) {
     await assert.rejects(client.solve(corner, { options }), { name: "InvalidProblemError", field });

@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "branch/branch_system.h"
-#include "lanes/batch.h"
+#include "kkt/batch.h"
 #include "marble/sensitivity.h"
 
 namespace marble {

@@ -5,7 +5,7 @@
 #include <limits>
 #include <utility>
 
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 

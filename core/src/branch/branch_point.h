@@ -2,10 +2,10 @@
 // that solve a branch work on it and pass it on to each other.
 #pragma once
 
-#include "data/residual.h"
-#include "data/working_set.h"
 #include "kkt/kkt.h"
-#include "run/run.h"
+#include "model/residual.h"
+#include "model/working_set.h"
+#include "path/run.h"
 
 namespace marble {
 

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "kkt/blas.h"
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 namespace {}  // namespace

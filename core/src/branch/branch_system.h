@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "branch/branch_point.h"
-#include "lanes/lanes.h"
+#include "kkt/lanes.h"
 
 namespace marble {
 

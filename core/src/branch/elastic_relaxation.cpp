@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 

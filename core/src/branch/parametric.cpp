@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tuning.h"
+#include "model/tuning.h"
 
 extern "C" void dgesv_(const int* n, const int* nrhs, double* a, const int* lda, int* pivots, double* b,
                        const int* ldb, int* info);

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 

@@ -5,7 +5,7 @@
 
 #include "horizon/stages.h"
 #include "horizon/sweep.h"
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 namespace {

@@ -4,8 +4,8 @@
 
 #include <optional>
 
-#include "data/scaling.h"
-#include "run/run.h"
+#include "model/scaling.h"
+#include "path/run.h"
 
 namespace marble {
 

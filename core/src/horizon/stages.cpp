@@ -6,7 +6,7 @@
 #include <span>
 #include <utility>
 
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 namespace {

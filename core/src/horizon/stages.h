@@ -5,8 +5,8 @@
 #include <optional>
 #include <vector>
 
-#include "data/interrupt.h"
-#include "data/scaling.h"
+#include "model/interrupt.h"
+#include "model/scaling.h"
 
 namespace marble {
 

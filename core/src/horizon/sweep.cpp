@@ -7,8 +7,8 @@
 
 #include "horizon/window.h"
 #include "model/entries.h"
-#include "run/run.h"
-#include "tuning.h"
+#include "model/tuning.h"
+#include "path/run.h"
 
 namespace marble {
 namespace {

@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "data/interrupt.h"
 #include "marble/solution.h"
+#include "model/interrupt.h"
 
 namespace marble {
 

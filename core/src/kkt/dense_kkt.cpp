@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "kkt/blas.h"
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "data/interrupt.h"
 #include "kkt/ordering.h"
+#include "model/interrupt.h"
 
 namespace marble {
 

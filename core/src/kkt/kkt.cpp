@@ -4,7 +4,7 @@
 
 #include "kkt/dense_kkt.h"
 #include "kkt/sparse_kkt.h"
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 namespace {

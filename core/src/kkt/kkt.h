@@ -15,8 +15,8 @@
 #include <span>
 #include <string_view>
 
-#include "data/interrupt.h"
-#include "data/scaling.h"
+#include "model/interrupt.h"
+#include "model/scaling.h"
 
 namespace marble {
 

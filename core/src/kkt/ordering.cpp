@@ -15,7 +15,7 @@
 #include <system_error>
 #include <thread>
 
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 

@@ -5,10 +5,10 @@
 #include <optional>
 #include <vector>
 
-#include "data/large_array.h"
 #include "kkt/elimination.h"
+#include "kkt/lanes.h"
 #include "kkt/supernodal_ldl.h"
-#include "lanes/lanes.h"
+#include "model/large_array.h"
 
 namespace marble {
 

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <tuple>
 
-#include "data/linear_algebra.h"
 #include "kkt/blas.h"
-#include "tuning.h"
+#include "model/linear_algebra.h"
+#include "model/tuning.h"
 
 namespace marble {
 namespace {

@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "data/large_array.h"
 #include "kkt/elimination.h"
+#include "model/large_array.h"
 
 namespace marble {
 

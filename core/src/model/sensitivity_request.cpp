@@ -4,7 +4,7 @@
 
 #include "marble/sensitivity.h"
 #include "model/check_matrix.h"
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 namespace {

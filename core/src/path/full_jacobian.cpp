@@ -5,8 +5,8 @@
 #include <limits>
 #include <vector>
 
-#include "data/retraction.h"
-#include "tuning.h"
+#include "model/retraction.h"
+#include "model/tuning.h"
 
 namespace marble {
 

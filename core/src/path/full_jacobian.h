@@ -3,7 +3,7 @@
 
 #include <Eigen/SparseCore>
 
-#include "data/residual.h"
+#include "model/residual.h"
 
 namespace marble {
 

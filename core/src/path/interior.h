@@ -5,10 +5,10 @@
 // finite ρ. The final point need not be feasible either, but its branch is near a feasible one.
 #pragma once
 
-#include "data/residual.h"
 #include "kkt/kkt.h"
-#include "run/reporter.h"
-#include "run/run.h"
+#include "model/residual.h"
+#include "path/reporter.h"
+#include "path/run.h"
 
 namespace marble {
 

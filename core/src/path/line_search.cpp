@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "data/retraction.h"
-#include "tuning.h"
+#include "model/retraction.h"
+#include "model/tuning.h"
 
 namespace marble {
 

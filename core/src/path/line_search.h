@@ -7,7 +7,7 @@
 
 #include <vector>
 
-#include "data/residual.h"
+#include "model/residual.h"
 
 namespace marble {
 

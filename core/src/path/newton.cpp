@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "data/retraction.h"
+#include "model/retraction.h"
 
 namespace marble {
 

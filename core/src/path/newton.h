@@ -8,8 +8,8 @@
 // σ, v and λ are recovered from the step in (z, y).
 #pragma once
 
-#include "data/residual.h"
 #include "kkt/kkt.h"
+#include "model/residual.h"
 
 namespace marble {
 

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <limits>
 
-#include "data/retraction.h"
 #include "model/printed.h"
-#include "tuning.h"
+#include "model/retraction.h"
+#include "model/tuning.h"
 
 namespace marble {
 

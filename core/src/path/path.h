@@ -1,13 +1,13 @@
 // The path-following engine: Algorithm 1 of the paper, and a faster schedule for the same equations.
 #pragma once
 
+#include "path/certificate.h"
 #include "path/line_search.h"
 #include "path/newton.h"
+#include "path/reporter.h"
+#include "path/run.h"
 #include "path/schedule.h"
-#include "run/certificate.h"
-#include "run/reporter.h"
-#include "run/run.h"
-#include "run/termination.h"
+#include "path/termination.h"
 
 namespace marble {
 

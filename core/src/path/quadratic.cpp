@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/tuning.h"
 #include "path/keep_positive.h"
-#include "tuning.h"
 
 namespace marble {
 

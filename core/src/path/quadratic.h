@@ -8,12 +8,12 @@
 // It also solves elastic branches: their rows are w = Cz + d + ν/ρ, and their terms in ρ and δ stay.
 #pragma once
 
-#include "data/residual.h"
-#include "data/working_set.h"
 #include "kkt/kkt.h"
-#include "run/reporter.h"
-#include "run/run.h"
-#include "tuning.h"
+#include "model/residual.h"
+#include "model/tuning.h"
+#include "model/working_set.h"
+#include "path/reporter.h"
+#include "path/run.h"
 
 namespace marble {
 

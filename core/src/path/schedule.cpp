@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "model/printed.h"
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 

@@ -1,9 +1,9 @@
 // The schedule of κ, ρ and δ: the outer loop of Algorithm 1, and its faster variant.
 #pragma once
 
-#include "data/residual.h"
 #include "marble/options.h"
-#include "tuning.h"
+#include "model/residual.h"
+#include "model/tuning.h"
 
 namespace marble {
 

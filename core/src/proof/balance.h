@@ -1,8 +1,8 @@
 // Decides whether an independent check would accept a point that an engine considers solved.
 #pragma once
 
-#include "data/residual.h"
 #include "marble/options.h"
+#include "model/residual.h"
 
 namespace marble {
 

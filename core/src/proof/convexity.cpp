@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 namespace {

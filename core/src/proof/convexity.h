@@ -2,7 +2,7 @@
 #pragma once
 
 #include "kkt/kkt.h"
-#include "run/run.h"
+#include "path/run.h"
 
 namespace marble {
 

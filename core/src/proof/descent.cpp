@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "run/noise.h"
-#include "tuning.h"
+#include "model/tuning.h"
+#include "path/noise.h"
 
 namespace marble {
 

@@ -8,8 +8,8 @@
 #pragma once
 
 #include "branch/branch_point.h"
-#include "run/reporter.h"
-#include "tuning.h"
+#include "model/tuning.h"
+#include "path/reporter.h"
 
 namespace marble {
 

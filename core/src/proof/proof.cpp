@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "branch/branch_engines.h"
-#include "run/termination.h"
-#include "tuning.h"
+#include "model/tuning.h"
+#include "path/termination.h"
 
 namespace marble {
 namespace {

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "branch/branch_point.h"
-#include "run/certificate.h"
-#include "run/proof_record.h"
-#include "run/run.h"
+#include "path/certificate.h"
+#include "path/proof_record.h"
+#include "path/run.h"
 
 namespace marble {
 

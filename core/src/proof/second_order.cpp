@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 namespace {

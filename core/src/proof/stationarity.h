@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "data/residual.h"
+#include "model/residual.h"
 
 namespace marble {
 

@@ -1,7 +1,7 @@
 // A problem's rows and pairs without its objective.
 #pragma once
 
-#include "data/scaling.h"
+#include "model/scaling.h"
 
 namespace marble {
 

@@ -5,7 +5,7 @@
 #include <functional>
 #include <new>
 
-#include "tuning.h"
+#include "model/tuning.h"
 
 namespace marble {
 

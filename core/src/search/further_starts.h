@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "branch/branch_engines.h"
+#include "model/tuning.h"
 #include "search/incumbent.h"
 #include "search/local_search.h"
-#include "tuning.h"
 
 namespace marble {
 

@@ -4,8 +4,8 @@
 #include <limits>
 #include <utility>
 
-#include "run/termination.h"
-#include "tuning.h"
+#include "model/tuning.h"
+#include "path/termination.h"
 
 namespace marble {
 

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "branch/parametric.h"
-#include "run/reporter.h"
-#include "tuning.h"
+#include "model/tuning.h"
+#include "path/reporter.h"
 
 namespace marble {
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "run/noise.h"
+#include "model/tuning.h"
+#include "path/noise.h"
 #include "search/distance.h"
-#include "tuning.h"
 
 namespace marble {
 

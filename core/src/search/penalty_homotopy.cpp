@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/tuning.h"
 #include "search/without_pairs.h"
-#include "tuning.h"
 
 namespace marble {
 namespace {

@@ -1,7 +1,7 @@
 // The relaxation without complementarity.
 #pragma once
 
-#include "data/scaling.h"
+#include "model/scaling.h"
 
 namespace marble {
 

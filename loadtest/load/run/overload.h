@@ -4,7 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "run/run.h"
+#include "path/run.h"
 
 namespace marble::load {
 

@@ -1,4 +1,4 @@
-#include "run/run.h"
+#include "path/run.h"
 
 #include <algorithm>
 #include <atomic>

@@ -3,8 +3,9 @@
 #include <google/protobuf/stubs/logging.h>
 #include <google/protobuf/util/json_util.h>
 
+#include "base/wire.h"
 #include "expect.h"
-#include "http/requests/reply.h"
+#include "http/reply.h"
 #include "http_port.h"
 #include "marble/convert.h"
 #include "problem_json.h"
@@ -13,7 +14,6 @@
 #include "requests/make.h"
 #include "requests/mutate.h"
 #include "requests/submitted.h"
-#include "wire/wire.h"
 
 using namespace marble;
 

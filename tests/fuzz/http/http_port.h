@@ -9,16 +9,16 @@
 #include <string_view>
 
 #include "expect.h"
+#include "http/browser_guard.h"
+#include "http/connection.h"
+#include "http/event_hub.h"
 #include "http/event_routes.h"
 #include "http/health_routes.h"
 #include "http/job_routes.h"
 #include "http/metrics_route.h"
 #include "http/page_routes.h"
-#include "http/requests/browser_guard.h"
-#include "http/requests/event_hub.h"
+#include "http/request_head.h"
 #include "http/submission_routes.h"
-#include "http/transport/connection.h"
-#include "http/transport/request_head.h"
 #include "requests/work.h"
 
 namespace marble::fuzz {

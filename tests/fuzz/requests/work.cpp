@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/wire.h"
 #include "expect.h"
-#include "messages/reply.h"
 #include "requests/findings.h"
 #include "requests/judge.h"
-#include "wire/wire.h"
+#include "service/reply.h"
 
 namespace marble::fuzz {
 namespace {

@@ -15,10 +15,10 @@
 #include "fuzz/expect.h"
 #include "jobs/unix_time.h"
 #include "marble/convert.h"
-#include "messages/job_message.h"
-#include "messages/stored_job.h"
 #include "server/idle_parts.h"
 #include "service/admission.h"
+#include "service/job_message.h"
+#include "service/stored_job.h"
 
 namespace {
 

@@ -4,7 +4,7 @@
 // All engines hold rows at zero by a penalty of at most 1e8, and rows within e of parallel need multipliers
 // of 1/e². Where these engines fail, or have not converged while rows are nearly parallel, small problems are
 // now solved by dense orthogonal factors. What is still not solved names the rows.
-#include "dense/parallel_rows.h"
+#include "search/parallel_rows.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
-#include "data/scaling.h"
 #include "marble/warm_solver.h"
+#include "model/scaling.h"
 #include "support/judges/dense_matrix.h"
 #include "support/problems/random_problem.h"
 

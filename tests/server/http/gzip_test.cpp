@@ -1,5 +1,5 @@
 // Who takes answers packed, and that they come out as they went in.
-#include "http/transport/gzip.h"
+#include "http/gzip.h"
 
 #include <gtest/gtest.h>
 #include <zlib.h>

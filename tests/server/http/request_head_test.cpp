@@ -1,5 +1,5 @@
 // Heads of requests that RFC 9112 refuses.
-#include "http/transport/request_head.h"
+#include "http/request_head.h"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // What an answer of the HTTP port takes is held until it is sent.
 #include <gmock/gmock.h>
 
-#include "http/requests/reply.h"
+#include "http/reply.h"
 #include "marble/v1/service.pb.h"
 #include "message_json.h"
 

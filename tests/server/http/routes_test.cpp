@@ -5,13 +5,13 @@
 #include <regex>
 #include <set>
 
+#include "http/event_hub.h"
 #include "http/event_routes.h"
 #include "http/health_routes.h"
 #include "http/job_routes.h"
 #include "http/metrics_route.h"
 #include "http/page_assets.h"
 #include "http/page_routes.h"
-#include "http/requests/event_hub.h"
 #include "http/submission_routes.h"
 #include "server/idle_parts.h"
 

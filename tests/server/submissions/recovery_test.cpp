@@ -6,9 +6,9 @@
 #include <random>
 
 #include "marble/convert.h"
-#include "messages/job_message.h"
 #include "problems.h"
 #include "server/idle_parts.h"
+#include "service/job_message.h"
 #include "support/processes/child_process.h"
 
 namespace marble::server {

@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "branch/branch_engines.h"
+#include "model/tuning.h"
 #include "support/problems/random_problem.h"
-#include "tuning.h"
 #include "workbench.h"
 
 namespace marble {

@@ -8,8 +8,8 @@
 #include <cmath>
 #include <random>
 
-#include "data/linear_algebra.h"
-#include "lanes/lanes.h"
+#include "kkt/lanes.h"
+#include "model/linear_algebra.h"
 
 namespace marble {
 namespace {

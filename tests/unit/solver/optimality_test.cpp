@@ -1,5 +1,5 @@
 // What the end of a solve says of the incumbent: where each word comes from, and that none is said on trust.
-#include "optimality.h"
+#include "solver/optimality.h"
 
 #include <gtest/gtest.h>
 

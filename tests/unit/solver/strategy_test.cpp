@@ -1,6 +1,6 @@
 // What the solver relies on of the strategy, stage by stage: which engine has its say when, what is kept, and
 // that nothing that was found is lost again.
-#include "strategy.h"
+#include "solver/strategy.h"
 
 #include <gtest/gtest.h>
 

@@ -2,7 +2,7 @@
 // NOT_FOUND if it did not. The page was cut at any job of the board, whoever's it was.
 #include <gtest/gtest.h>
 
-#include "messages/job_requests.h"
+#include "service/job_requests.h"
 
 namespace marble::server {
 namespace {

@@ -7,11 +7,11 @@
 // the update that ran was counted.
 #include <thread>
 
+#include "base/wire.h"
+#include "calls/session_update.h"
 #include "marble/convert.h"
 #include "service/bidi.h"
 #include "service/service_test.h"
-#include "sessions/session_update.h"
-#include "wire/wire.h"
 
 namespace marble::testing {
 namespace {

@@ -1,0 +1,20 @@
+// The numbers that were chosen, not derived; tuning.def defines each of them once.
+//
+// They are constants. In the build of the core that loadtest/suite/tune links (MARBLE_TUNABLE) they are
+// variables, so that a sweep can try other values without compiling. No other build does this.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace marble::tuning {
+
+#ifdef MARBLE_TUNABLE
+#define MARBLE_TUNING(type, name, value, unit, what, basis, why) inline type name = value;
+#else
+#define MARBLE_TUNING(type, name, value, unit, what, basis, why) inline constexpr type name = value;
+#endif
+#include "model/tuning.def"
+#undef MARBLE_TUNING
+
+}  // namespace marble::tuning

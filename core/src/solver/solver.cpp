@@ -1,0 +1,480 @@
+#include "marble/solver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <tuple>
+
+#include "branch/branch_derivatives.h"
+#include "branch/parametric.h"
+#include "global/explain.h"
+#include "model/printed.h"
+#include "model/text_of.h"
+#include "model/tuning.h"
+#include "path/proof_record.h"
+#include "proof/balance.h"
+#include "proof/stationarity.h"
+#include "solver/solver_bytes.h"
+#include "solver/strategy.h"
+
+namespace marble {
+namespace {
+
+const char* nonconvex_remark(SecondOrder second_order) {
+  switch (second_order) {
+    case SecondOrder::minimum:
+    case SecondOrder::convex:
+      return "; Q is not convex: a local minimum";
+    case SecondOrder::saddle:
+      return "; Q is not convex: a saddle point or a maximum";
+    default:
+      return "; Q is not convex: a stationary point, perhaps no local minimum";
+  }
+}
+
+SolverSizes sizes_of(const Problem& problem) {
+  const ProblemView& view = problem.view();
+  SolverSizes sizes{.variables = static_cast<double>(problem.variables()),
+                    .equalities = static_cast<double>(problem.equalities()),
+                    .inequalities = static_cast<double>(problem.inequalities()),
+                    .pairs = static_cast<double>(problem.pairs())};
+  for (const SparseMatrixView* matrix : {&view.Q, &view.A, &view.C, &view.L, &view.R})
+    sizes.entries += static_cast<double>(matrix->values.size());
+  return sizes;
+}
+
+// The maximum number of flops of one factorization. No machine does more than tuning::flops_per_second of
+// them on one thread (about 10⁹ are usual). A factorization that takes less than tuning::never_refused_s at
+// that rate is not refused, since a time limit ends it.
+struct MostFlops {
+  MostFlops(const Options& options, const SetupControls& controls)
+      : by_time_limit(options.time_limit_s < controls.most_factorization_s),
+        seconds(by_time_limit ? options.time_limit_s : controls.most_factorization_s) {}
+
+  [[nodiscard]] double flops() const {
+    return tuning::flops_per_second * std::max(tuning::never_refused_s, seconds);
+  }
+  [[nodiscard]] Error refusal(double needed) const {
+    return failure(ErrorCode::resource_exhausted, "problem",
+                   "a factorization of " + general(needed, 2) + " flops",
+                   "must have at most " + general(flops(), 2) + " to fit " +
+                       (by_time_limit ? "the time limit of " : "the limit for one of ") +
+                       general(seconds, 6) + " s on the fastest machine");
+  }
+
+  bool by_time_limit;
+  double seconds;
+};
+
+Error ended(bool stopped) {
+  const char* const when = "while the problem was prepared";
+  return stopped ? failure(ErrorCode::cancelled, std::string("stopped ") + when)
+                 : failure(ErrorCode::deadline_exceeded, std::string("the time was up ") + when);
+}
+
+bool bears(const Vector& start) { return max_abs(start) <= tuning::farthest_start; }
+
+// 0 · ∞ is NaN, and so is any sum that contains it.
+bool all_finite(const std::vector<double>& values) {
+  const auto size = static_cast<Eigen::Index>(values.size());
+  return (Eigen::Map<const Vector>(values.data(), size).array() * 0.0).sum() == 0.0;
+}
+
+bool is_finite(const Solution& s) {
+  return all_finite(s.z) && all_finite(s.equality_multipliers) && all_finite(s.inequality_multipliers) &&
+         all_finite(s.complementarity_multipliers_L) && all_finite(s.complementarity_multipliers_R) &&
+         all_finite(s.certificate) && std::isfinite(s.objective) && std::isfinite(s.violations.equality) &&
+         std::isfinite(s.violations.inequality) && std::isfinite(s.violations.complementarity) &&
+         std::isfinite(s.kkt_residual);
+}
+
+// For data near the largest double, even z = 0 may have a residual that overflows.
+void clamp(double& value) {
+  constexpr double kLargest = std::numeric_limits<double>::max();
+  value = std::isnan(value) ? kLargest : std::clamp(value, -kLargest, kLargest);
+}
+
+double user_stationarity(const ScaledProblem& problem, const Images& images) {
+  return max_abs(images.stationarity.cwiseQuotient(problem.variable_scale)) / problem.cost_scale;
+}
+
+void take_point(const ScaledProblem& problem, const Iterate& x, Images& images, Solution& solution) {
+  images.evaluate(problem, x);
+  const double cost = 1.0 / problem.cost_scale;
+  report(problem, x, solution);
+  solution.objective = cost * images.objective + problem.c0;
+  solution.violations = violations(problem, images);
+  const auto slacks = problem.layout.inequality_part(images.rows.all);
+  const double slackness = cost * max_abs(slacks.cwiseProduct(x.lambda_w()));
+  const double stationarity = user_stationarity(problem, images);
+  solution.kkt_residual = std::isnan(slackness) ? slackness : std::max(stationarity, slackness);
+}
+
+// Replaces a point that has overflowed by z = 0, whatever the status of the run.
+void take_zero(const ScaledProblem& problem, Images& images, Solution& solution) {
+  Iterate zero(problem);
+  take_point(problem, zero, images, solution);
+  solution.certificate.clear();
+  for (double* value : {&solution.objective, &solution.violations.equality, &solution.violations.inequality,
+                        &solution.violations.complementarity, &solution.kkt_residual})
+    clamp(*value);
+  if (!ended_by_force(solution.status)) solution.status = Status::numerical_failure;
+  solution.detail += "; its numbers overflowed: z is 0";
+}
+
+// Makes the solution, in which every number is finite. It is not solved if the run reports a point as solved
+// that is not, and almost_solved if the point is solved only in the scaled problem.
+Solution answer(const ScaledProblem& problem, const Options& options, const Ending& ending, const Iterate& x,
+                const Run& run) {
+  Images images(problem);
+  Solution solution;
+  solution.status = ending.status;
+  solution.detail = ending.detail;
+  solution.certificate = ending.certificate;
+  take_point(problem, x, images, solution);
+  if (!is_finite(solution)) {
+    take_zero(problem, images, solution);
+  } else if (is_solved(ending.status) && !is_balanced(problem, options, images, x)) {
+    solution.status = Status::numerical_failure;
+    solution.detail +=
+        "; no solution: stationarity is violated by " + scientific(user_stationarity(problem, images), 2);
+  } else if (ending.status == Status::solved && !is_balanced_in_user_units(problem, images, x)) {
+    solution.status = Status::almost_solved;
+    solution.detail += "; its numbers lie too far apart: stationarity is violated by " +
+                       scientific(user_stationarity(problem, images), 2);
+  }
+  if (is_solved(solution.status)) solution.stationarity = classify(images, x);
+  solution.iterations = run.iterations;
+  solution.factorizations = run.factorizations;
+  solution.times = run.times;
+  solution.times.solve_s = run.elapsed_s();
+  return solution;
+}
+
+// With other equations, an interrupted solve cannot be resumed.
+bool change_method(const Options& before, const Options& now) {
+  return before.method != now.method || before.path != now.path || before.polish != now.polish ||
+         before.global_search != now.global_search;
+}
+
+// Sets what is known about the global optimum, from a certificate or a tree.
+void take_proof(const Strategy::Answer& found, Solution& solution) {
+  const bool infeasible = solution.status == Status::infeasible;
+  solution.proved = found.tree.proved || infeasible || solution.status == Status::unbounded;
+  solution.bound = infeasible ? std::numeric_limits<double>::infinity() : found.tree.bound;
+  solution.gap = found.tree.gap;
+  solution.nodes = found.tree.nodes;
+  solution.open_nodes = found.tree.open_nodes;
+  solution.reused_nodes = found.tree.reused_nodes;
+}
+
+// Uses the solve's last factor if it belongs to the branch. Further starts may leave a different one behind,
+// depending on the threads; the branch is then factorized again, so that the counters are the same.
+Expected<SensitivityAnswer> sensitivity_of(const Strategy::Answer& found, const SensitivityRequest& request,
+                                           BranchDerivatives& derivatives, bool may_reuse_factor, Run& run) {
+  if (auto solved = must_be_solved(found.ending.status); !solved) return unexpected(solved.error());
+  if (auto begun = derivatives.begin(run, *found.x, may_reuse_factor); !begun)
+    return unexpected(begun.error());
+  return derivatives.answer(run, request);
+}
+
+}  // namespace
+
+struct Solver::State {
+  State(const Problem& user_problem, const Options& in_force, ScaledProblem scaled,
+        std::unique_ptr<Kkt> chosen_kkt)
+      : options(in_force),
+        sizes(PartSizes::of(user_problem)),
+        problem(std::move(scaled)),
+        kkt(std::move(chosen_kkt)),
+        strategy(problem, *kkt, options),
+        initial_z(problem.variables()),
+        warm_start(problem) {}
+
+  void add_sensitivity(const Strategy::Answer& found, const SensitivityRequest& request, Run& run,
+                       Solution& solution);
+
+  Options options;
+  PartSizes sizes;
+  ScaledProblem problem;
+  std::unique_ptr<Kkt> kkt;
+  Strategy strategy;
+  Vector initial_z;
+  Iterate warm_start;
+  double setup_s = 0.0;
+  std::int64_t memory_bytes = 0;
+  double bytes_left = 0.0;  // of what the solver may take
+};
+
+void Solver::State::add_sensitivity(const Strategy::Answer& found, const SensitivityRequest& request,
+                                    Run& run, Solution& solution) {
+  BranchPoint& point = strategy.point();
+  const std::int32_t before = point.back_substitutions();
+  BranchDerivatives derivatives(problem, sizes, point);
+  solution.sensitivity = sensitivity_of(found, request, derivatives, options.num_starts == 1, run);
+  if (*solution.sensitivity) {
+    (*solution.sensitivity)->factorizations = run.factorizations - solution.factorizations;
+    (*solution.sensitivity)->back_substitutions = point.back_substitutions() - before;
+  }
+  solution.factorizations = run.factorizations;
+  solution.times = run.times;
+  solution.times.solve_s = run.elapsed_s();
+}
+
+Expected<void> check_warm_start(const Solution& start, const PartSizes& sizes) {
+  for (const auto& [values, size, field] :
+       {std::tuple{&start.z, sizes.g, "warm_start.z"},
+        std::tuple{&start.equality_multipliers, sizes.b, "warm_start.equality_multipliers"},
+        std::tuple{&start.inequality_multipliers, sizes.d, "warm_start.inequality_multipliers"},
+        std::tuple{&start.complementarity_multipliers_L, sizes.l, "warm_start.complementarity_multipliers_L"},
+        std::tuple{&start.complementarity_multipliers_R, sizes.r,
+                   "warm_start.complementarity_multipliers_R"}}) {
+    if (auto valid = check_numbers(*values, size, field); !valid) return valid;
+  }
+  if (std::isnan(start.reference_objective))
+    return unexpected(invalid("warm_start.reference_objective", "nan", "must be a number"));
+  return {};
+}
+
+Solver::Solver(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Solver::Solver(Solver&&) noexcept = default;
+Solver& Solver::operator=(Solver&&) noexcept = default;
+Solver::~Solver() = default;
+
+Expected<Solver> Solver::create(const Problem& problem, const Options& user_options,
+                                const SetupControls& controls) {
+  if (auto valid = validate(user_options); !valid) return unexpected(valid.error());
+  const Options options = in_force(user_options);
+  const Interrupt interrupt(controls.stop, controls.until, controls.pause);
+  const auto begin = interrupt.now();
+  const auto refuse = [&controls](double bytes) {
+    return unexpected(failure(ErrorCode::resource_exhausted, "problem",
+                              std::to_string(static_cast<std::int64_t>(bytes)) + " bytes of memory",
+                              "a solver may take at most " + std::to_string(controls.most_bytes)));
+  };
+  const double own_bytes = least_solver_bytes(sizes_of(problem), options);
+  const auto limit = static_cast<double>(controls.most_bytes);
+  if (own_bytes > limit) return refuse(own_bytes);
+  if (interrupt.requested()) return unexpected(ended(interrupt.stop_requested()));
+  ScaledProblem scaled = scale(problem, options.scaling_passes, interrupt);
+  if (interrupt.requested()) return unexpected(ended(interrupt.stop_requested()));
+  const MostFlops most(options, controls);
+  KktCost least;
+  std::unique_ptr<Kkt> kkt = make_kkt(scaled, {limit - own_bytes, most.flops()}, interrupt, least);
+  if (kkt == nullptr) {
+    if (interrupt.requested()) return unexpected(ended(interrupt.stop_requested()));
+    if (least.bytes > limit - own_bytes) return refuse(own_bytes + least.bytes);
+    return unexpected(most.refusal(least.flops));
+  }
+  kkt->attend({});
+  const double factor_bytes = kkt->bytes() + FurtherStarts::extra_bytes(options, kkt->bytes());
+  if (own_bytes + factor_bytes > limit) return refuse(own_bytes + factor_bytes);
+  if (interrupt.requested()) return unexpected(ended(interrupt.stop_requested()));
+  auto state = std::make_unique<State>(problem, options, std::move(scaled), std::move(kkt));
+  state->setup_s = std::chrono::duration<double>(interrupt.now() - begin).count();
+  const double tree_bytes = std::min(limit - own_bytes - factor_bytes, tuning::tree_most_bytes);
+  const double kept_bytes =
+      options.global_search ? std::min(tuning::tree_kept * tree_bytes, tuning::tree_kept_bytes) : 0.0;
+  state->memory_bytes = static_cast<std::int64_t>(own_bytes + factor_bytes + kept_bytes);
+  state->bytes_left = limit - own_bytes - factor_bytes - kept_bytes;
+  state->strategy.allow_tree(tree_bytes, kept_bytes);
+  return Solver(std::move(state));
+}
+
+Expected<void> Solver::update(const ProblemUpdate& update) {
+  if (auto valid = state_->sizes.check(update); !valid) return valid;
+  take(update);
+  return {};
+}
+
+void Solver::take(const ProblemUpdate& checked) {
+  const bool changed = rescale(checked, state_->problem);
+  const bool refitted = refit_scaling(state_->problem, state_->options.scaling_passes, changed);
+  if (!changed && !refitted) return;
+  if (refitted) state_->strategy.forget_scaling();
+  state_->kkt->load(state_->problem);
+  state_->strategy.forget_matrices();
+}
+
+Expected<void> Solver::set_options(const Options& options) {
+  if (auto valid = validate(options); !valid) return valid;
+  take(options);
+  return {};
+}
+
+void Solver::take(const Options& checked) {
+  const int scaling_passes = state_->options.scaling_passes;
+  const Options now = in_force(checked);
+  if (change_method(state_->options, now)) state_->strategy.forget_unfinished();
+  state_->options = now;
+  state_->options.scaling_passes = scaling_passes;
+}
+
+void Solver::keep_tree() { state_->strategy.keep_tree(); }
+void Solver::shift_tree(const Shift& by) { state_->strategy.shift_tree(by); }
+
+std::int64_t Solver::memory_bytes() const { return state_->memory_bytes; }
+
+Expected<Solution> Solver::solve(const SolveControls& controls) {
+  return solve(controls, false, !controls.initial_z.empty() && controls.warm_start == nullptr);
+}
+
+Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bool keeps_start) {
+  if (auto valid = Problem::check_initial_point(controls.initial_z, state_->problem.variables()); !valid) {
+    return unexpected(valid.error());
+  }
+  if (controls.warm_start != nullptr) {
+    if (auto valid = check_warm_start(*controls.warm_start, state_->sizes); !valid)
+      return unexpected(valid.error());
+  }
+  if (controls.sensitivity != nullptr) {
+    if (auto valid = check(*controls.sensitivity, state_->sizes); !valid)
+      return unexpected(inside("sensitivity", valid.error()));
+  }
+  if (controls.activity != nullptr) controls.activity->begin();
+  if (controls.proof != nullptr) clear_leaves(*controls.proof);
+  Run run(state_->options, controls);
+  run.bytes_left = state_->bytes_left;
+  state_->kkt->attend(run.interrupt());
+  state_->initial_z.setZero();
+  if (!controls.initial_z.empty()) {
+    const Eigen::Map<const Vector> z(controls.initial_z.data(), state_->problem.variables());
+    state_->initial_z = z.cwiseQuotient(state_->problem.variable_scale);
+  }
+  std::optional<Strategy::WarmStart> warm_start;
+  if (controls.warm_start != nullptr) {
+    marble::take(state_->problem, *controls.warm_start, state_->warm_start);
+    warm_start = Strategy::WarmStart{&state_->warm_start, controls.warm_start->reference_objective};
+  }
+  const bool too_far = !bears(state_->initial_z) || (warm_start && !bears(state_->warm_start.all));
+  if (too_far) {
+    state_->initial_z.setZero();
+    warm_start.reset();
+  }
+  Strategy::Answer found =
+      state_->strategy.run(run, state_->initial_z, warm_start,
+                           {.resumes = resumes && !too_far, .keeps_start = keeps_start && !too_far});
+  Solution solution = answer(state_->problem, state_->options, found.ending, *found.x, run);
+  const auto is_refused = [&] {
+    return solution.status != found.ending.status && solution.status != Status::almost_solved;
+  };
+  const bool started = warm_start || max_abs(state_->initial_z) > 0.0;
+  const bool again = is_refused() && started && !run.interrupted();
+  if (again) {
+    state_->initial_z.setZero();
+    found = state_->strategy.run(run, state_->initial_z, std::nullopt, {});
+    solution = answer(state_->problem, state_->options, found.ending, *found.x, run);
+  }
+  if (again || too_far) solution.detail += "; the start was too far away: it began at 0";
+  if (is_refused()) found = {{solution.status, solution.detail, {}}, found.x};
+  solution.b_stationary = found.b_stationary;
+  take_proof(found, solution);
+  if (is_solved(solution.status)) {
+    const bool stationary =
+        solution.stationarity == Stationarity::strong || solution.b_stationary.value_or(false);
+    solution.second_order = found.second_order;
+    if (solution.second_order == SecondOrder::minimum) {
+      if (!stationary)
+        solution.second_order = SecondOrder::necessary;
+      else if (state_->strategy.known_convex())
+        solution.second_order = SecondOrder::convex;
+    }
+    if (run.nonconvex) solution.detail += nonconvex_remark(solution.second_order);
+  }
+  if (controls.sensitivity != nullptr) state_->add_sensitivity(found, *controls.sensitivity, run, solution);
+  if (controls.proof != nullptr) conclude(*controls.proof, state_->problem, solution);
+  solution.times.setup_s = state_->setup_s;
+  solution.reference_objective =
+      found.stayed_warm ? controls.warm_start->reference_objective : solution.objective;
+  state_->kkt->attend({});  // the stop token and the pause of this solve may not exist during the next one
+  return solution;
+}
+
+bool Solver::is_unfinished() const { return state_->strategy.is_unfinished(); }
+void Solver::forget_unfinished() { state_->strategy.forget_unfinished(); }
+
+bool Solver::is_feasible(const Solution& solution) const {
+  return within_tolerances(solution.violations, state_->options);
+}
+
+// For a solve that ended early: the previous solution is better if it is feasible with the current numbers,
+// and the point of this solve is infeasible or higher.
+bool Solver::take_better(const Solution& previous, Solution& solution) const {
+  const ScaledProblem& problem = state_->problem;
+  Iterate x(problem);
+  marble::take(problem, previous, x);
+  if (!bears(x.all)) return false;
+  Images images(problem);
+  Solution moved;
+  take_point(problem, x, images, moved);
+  if (!is_finite(moved) || !within_tolerances(moved.violations, state_->options)) return false;
+  if (is_feasible(solution) && solution.objective <= moved.objective) return false;
+  solution.z = std::move(moved.z);
+  solution.equality_multipliers = std::move(moved.equality_multipliers);
+  solution.inequality_multipliers = std::move(moved.inequality_multipliers);
+  solution.complementarity_multipliers_L = std::move(moved.complementarity_multipliers_L);
+  solution.complementarity_multipliers_R = std::move(moved.complementarity_multipliers_R);
+  solution.objective = moved.objective;
+  solution.violations = moved.violations;
+  solution.kkt_residual = moved.kkt_residual;
+  solution.b_stationary.reset();
+  solution.origin = PointOrigin::previous;
+  return true;
+}
+
+// The warm start is this solver's own solution, so its sizes fit.
+void Solver::prepare(const Solution& warm_start, const SolveControls& controls) {
+  Run run(state_->options, controls);
+  state_->kkt->attend(run.interrupt());
+  marble::take(state_->problem, warm_start, state_->warm_start);
+  state_->strategy.prepare(run, {&state_->warm_start, warm_start.reference_objective});
+  state_->kkt->attend({});
+}
+
+Expected<Solution> solve_once(const Problem& problem, const Options& options, const SolveControls& controls,
+                              const SetupControls& setup, const std::function<void(const Solver&)>& ready) {
+  if (auto valid = Problem::check_initial_point(controls.initial_z, problem.variables()); !valid)
+    return unexpected(valid.error());
+  if (controls.warm_start != nullptr) {
+    if (auto valid = check_warm_start(*controls.warm_start, PartSizes::of(problem)); !valid)
+      return unexpected(valid.error());
+  }
+  SolveControls own = controls;
+  if (!own.begun) own.begun = Interrupt::now(controls.pause);
+  SetupControls limits = setup;
+  limits.stop = controls.stop;
+  limits.pause = controls.pause;
+  limits.until = after(*own.begun, options.time_limit_s);
+  auto solver = Solver::create(problem, options, limits);
+  if (solver) {
+    if (ready) ready(*solver);
+    auto solution = solver->solve(own);
+    if (solution && options.explain) explain(problem, options, own, limits, *solution);
+    return solution;
+  }
+  const bool stopped = solver.error().code == ErrorCode::cancelled;
+  if (!stopped && solver.error().code != ErrorCode::deadline_exceeded) return unexpected(solver.error());
+  const ScaledProblem unscaled = scale(problem, 0);
+  Iterate x(unscaled);
+  x.all.setZero();
+  if (!controls.initial_z.empty()) x.z() = Eigen::Map<const Vector>(controls.initial_z.data(), x.z().size());
+  if (controls.warm_start != nullptr) take(unscaled, *controls.warm_start, x);
+  Solution solution =
+      answer(unscaled, options, {stopped ? Status::cancelled : Status::time_limit, solver.error().bound, {}},
+             x, Run(options, own));
+  solution.times.setup_s = std::chrono::duration<double>(Interrupt::now(controls.pause) - *own.begun).count();
+  solution.times.solve_s = 0.0;
+  solution.reference_objective = solution.objective;
+  if (controls.sensitivity != nullptr)
+    solution.sensitivity = unexpected(must_be_solved(solution.status).error());
+  return solution;
+}
+
+Expected<Solution> solve_in_process(const ProblemView& view, const Options& options,
+                                    const SolveControls& controls) {
+  const auto problem = Problem::create(view);
+  if (!problem) return unexpected(problem.error());
+  return solve_once(*problem, options, controls);
+}
+
+}  // namespace marble

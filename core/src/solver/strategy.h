@@ -1,0 +1,165 @@
+// Which engine runs when: from a starting point to the best exact solution of a branch within the budgets.
+//
+//   path ──► exact solution of its branch ──► better branches: near it, or from where all is soft still
+//     └─ branch infeasible ──► interior point ──► branches near its end, exchanged until one is feasible
+//                                └─ none is ──► the feasibility phase, which ignores the objective
+//
+// Option method may select a published method instead of these engines.
+//
+// With a warm start, the branch of the given point comes first, and often no other engine is needed.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "global/tree.h"
+#include "path/path.h"
+#include "path/termination.h"
+#include "research/reference.h"
+#include "search/branch_search.h"
+#include "search/incumbent.h"
+#include "solver/optimality.h"
+
+namespace marble {
+
+class Strategy {
+ public:
+  Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& options);
+
+  /// A starting solution (scaled), and the objective of the last cold start before it.
+  struct WarmStart {
+    const Iterate* solution;
+    double reference_objective;
+  };
+  struct Answer {
+    Ending ending;
+    const Iterate* x;  ///< valid until the next run: exact if a branch was solved, otherwise the path's point
+    /// True if x is exact and solves every branch that it belongs to; absent if that was not decided.
+    std::optional<bool> b_stationary = {};
+    /// The result of the curvature test on the branches of x: `minimum` even if B-stationarity was not
+    /// decided.
+    SecondOrder second_order = SecondOrder::unknown;
+    bool stayed_warm = false;  ///< no cold start was needed
+    TreeResult tree = {};      ///< with option global
+  };
+
+  /// Solves from z (scaled). With a warm start, its branch comes first. With `resumes`, the run continues
+  /// where the last one was interrupted, if that had no exact solution yet. With `keeps_start`, if z is
+  /// feasible, its branch is solved first, and the solution is never above that of this branch; nor is it
+  /// above a feasible warm start.
+  struct How {
+    bool resumes = false, keeps_start = false;
+  };
+  [[nodiscard]] Answer run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start,
+                           How how);
+  /// True if Q is known to be convex without another factorization.
+  [[nodiscard]] bool known_convex() { return optimality_.known_convex(); }
+  /// True if a run may resume.
+  [[nodiscard]] bool is_unfinished() const { return stage_ != Stage::beginning; }
+  void forget_unfinished() { stage_ = Stage::beginning; }
+  /// Prepares the beginning of run() with this warm start; vectors may still change before that run.
+  void prepare(Run& run, const WarmStart& warm_start) {
+    if (options_.method == Method::marble) search_.prepare(run, *warm_start.solution);
+  }
+  /// Valid until the next run, which resets it. With the factor with which this run ended, if that is the
+  /// last one.
+  [[nodiscard]] BranchPoint& point() { return branch_.point; }
+  /// Memory for a tree, with option global, and the part of it that may be kept for the next tree.
+  void allow_tree(double bytes, double kept_bytes) {
+    tree_bytes_ = bytes;
+    kept_tree_bytes_ = kept_bytes;
+  }
+  /// From now on, keeps the bounds that a tree proves for the next warm solve.
+  void keep_tree() { keeps_tree_ = true; }
+  /// Shifts the kept tree.
+  void shift_tree(const Shift& by) {
+    if (tree_ != nullptr) tree_->shift(by);
+  }
+  /// Call this when the scale factors have changed: all data of earlier runs have other units.
+  void forget_scaling() {
+    stage_ = Stage::beginning;
+    tree_.reset();
+  }
+  /// Call this when the matrices have new values.
+  void forget_matrices() {
+    branch_.point.forget_ahead();
+    optimality_.forget_convexity();
+    if (tree_ != nullptr) tree_->forget_matrices();
+  }
+
+ private:
+  // The path's point, for solves without a better one.
+  struct PathPoint {
+    explicit PathPoint(const ScaledProblem& problem) : x(problem) {}
+    Iterate x;
+    Violations violations;
+    double objective = 0.0;  // scaled
+  };
+  // The result of solving the branch that the path shows.
+  enum class PathBranch { exact, path_is_lower, not_exact };
+
+  [[nodiscard]] Answer run_reference(Run& run, ConstVectorRef initial_z);
+  [[nodiscard]] Answer run_locally(Run& run, ConstVectorRef initial_z,
+                                   const std::optional<WarmStart>& warm_start, Stage from);
+  [[nodiscard]] Answer search_globally(Run& run, Answer local, bool warm);
+  [[nodiscard]] bool take_interior(Run& run);
+  [[nodiscard]] Answer solve_densely(Run& run, Answer answer);
+  [[nodiscard]] bool incumbent_is_loose() const;
+  [[nodiscard]] std::optional<Answer> search_densely(Run& run, const Answer& answer);
+  [[nodiscard]] std::optional<Answer> solve_branch_densely(Run& run, const Answer& answer);
+  void solve_start(Run& run, ConstVectorRef z);
+  [[nodiscard]] bool start_in_segments(Run& run, PathBranch branch);
+  [[nodiscard]] Answer not_above_start(Run& run, Answer answer, ConstVectorRef z, bool warm);
+  struct Judged {
+    bool feasible;  // to the tolerances
+    double objective;
+  };
+  [[nodiscard]] Judged judged(ConstVectorRef z) const;
+  [[nodiscard]] Answer not_above_warm_start(Run& run, Answer answer, ConstVectorRef z);
+  [[nodiscard]] bool start_for_tree(Run& run);
+  void take_incumbent(Answer& answer) const;
+  [[nodiscard]] std::optional<Ending> cold(Run& run, ConstVectorRef initial_z, Stage from);
+  [[nodiscard]] std::optional<Ending> follow_to_branch(Run& run, PathBranch& branch);
+  void judge_path_point();
+  [[nodiscard]] std::optional<Ending> follow_path(Run& run, double kappa_end);
+  [[nodiscard]] PathBranch solve_path_branch(Run& run, bool exchanges_pairs);
+  [[nodiscard]] bool path_is_lower(bool feasible, double objective) const;
+  [[nodiscard]] Answer finish_exact(Run& run);
+  [[nodiscard]] Answer finish_exact_cold(Run& run);
+  void bring_near(Run& run);
+  void show_incumbent(const Run& run) const;
+  [[nodiscard]] bool is_small(const Run& run) const;
+  [[nodiscard]] Answer finish_cold(Run& run, bool small_too);
+  [[nodiscard]] std::optional<Answer> find_by_small_tree(Run& run, TreeResult& tree);
+  [[nodiscard]] TreeResult search_small_tree(Run& run, ConstVectorRef z, bool known_convex);
+  [[nodiscard]] Answer finish_path(Run& run, ConstVectorRef initial_z, Ending end);
+  [[nodiscard]] Optimality::Descended descend_from_path(Run& run);
+  [[nodiscard]] std::optional<Answer> find_feasible(Run& run, ConstVectorRef z);
+  [[nodiscard]] std::optional<Ending> prove(Run& run, Status status);
+  [[nodiscard]] std::optional<Ending> prove_early(Run& run, const Iterate& x);
+  [[nodiscard]] Ending contradicted_by(Run& run, FarkasProof proof) const;
+  [[nodiscard]] Ending unbounded_along(UnboundedRay ray);
+
+  const ScaledProblem& problem_;
+  const Options& options_;
+  Kkt& kkt_;
+  PathEngine path_;
+  BranchEngines branch_;
+  Incumbent incumbent_;
+  BranchSearch search_;
+  Optimality optimality_;
+  PathPoint path_point_;
+  std::optional<ExactSolution> start_;  // the caller's feasible start: its branch's solution, or itself
+  bool start_is_exact_ = false;
+  Stage stage_ = Stage::beginning;        // at which the last run was interrupted
+  std::unique_ptr<Reference> reference_;  // created when first needed
+  std::unique_ptr<Tree> tree_;            // created when first needed
+  double tree_bytes_ = 0.0, kept_tree_bytes_ = 0.0;
+  bool keeps_tree_ = false;
+  bool looks_for_contradiction_ = false;  // before the path has ended; not where a feasible point is known
+  struct {
+    bool infeasible, unbounded;
+  } looked_for_ = {};  // proofs attempted in this run
+};
+
+}  // namespace marble

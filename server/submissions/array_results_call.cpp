@@ -1,0 +1,139 @@
+#include "submissions/array_results_call.h"
+
+#include <array>
+#include <utility>
+
+#include "base/status.h"
+#include "base/wire.h"
+#include "service/job_access.h"
+#include "store/submissions.h"
+#include "submissions/arrays.h"
+
+namespace marble::server {
+namespace {
+
+constexpr std::int64_t kPageBytes = 1 << 20;
+
+// The message, after the field that it lacks: concatenated encodings are one message.
+grpc::ByteBuffer reported(const ElementAnswer& answer) {
+  v1::ArrayResultsResponse first;
+  first.set_sequence(answer.sequence);
+  v1::ArrayResultsResponse rest;
+  // A row of the store may contain anything.
+  if (!rest.ParseFromString(answer.message) ||
+      rest.outcome_case() == v1::ArrayResultsResponse::OUTCOME_NOT_SET) {
+    first.set_index(answer.index);
+    *first.mutable_error() = to_message(failure(ErrorCode::internal, "the stored answer cannot be read"));
+    return serialize(first);
+  }
+  const std::string sequence = first.SerializeAsString();
+  const std::array slices = {grpc::Slice(sequence), grpc::Slice(answer.message)};
+  return grpc::ByteBuffer(slices.data(), slices.size());
+}
+
+}  // namespace
+
+grpc::ServerWriteReactor<grpc::ByteBuffer>* ArrayResultsCall::begin(const ServiceParts& parts,
+                                                                    grpc::CallbackServerContext& context,
+                                                                    const grpc::ByteBuffer* request) {
+  const std::shared_ptr<ArrayResultsCall> call(new ArrayResultsCall(parts));
+  call->self_ = call;
+  if (const auto started = call->start(context, request); !started) {
+    call->end_at_once(to_status(started.error(), parts.scheduler.retry_delay_s()));
+    return call.get();
+  }
+  if (call->array_ == nullptr) {
+    call->end_at_once(no_arrays());
+    return call.get();
+  }
+  call->StartSendInitialMetadata();
+  call->array_->listen(call);
+  parts.timer.add(call);
+  call->go_on();
+  return call.get();
+}
+
+ArrayResultsCall::~ArrayResultsCall() {
+  if (!client_.empty()) parts_.feeds.leave(client_);
+}
+
+Expected<void> ArrayResultsCall::start(grpc::CallbackServerContext& context,
+                                       const grpc::ByteBuffer* request) {
+  Origin origin = origin_of(context);
+  const auto caller = identify(parts_, context, origin);
+  if (!caller) return unexpected(caller.error());
+  v1::ArrayResultsRequest message;
+  if (auto parsed = parse(request, &message); !parsed) return parsed;
+  if (parts_.submissions->arrays() == nullptr) return {};
+  auto array = parts_.submissions->arrays()->find(message.job_id());
+  if (array == nullptr || !may_end(*caller, array->description().client)) {
+    return unexpected(failure(ErrorCode::not_found, "job_id", message.job_id(),
+                              "is no array, or its answers are not kept any more"));
+  }
+  const std::int64_t last = array->elements();
+  if (message.after() < 0 || message.after() > last) {
+    return unexpected(invalid("after", std::to_string(message.after()),
+                              "must be in [0, " + std::to_string(last) + "], the elements"));
+  }
+  if (auto entered = parts_.feeds.enter(caller->client, parts_.access.quota_of(caller->client).watchers);
+      !entered)
+    return entered;
+  client_ = caller->client;
+  array_ = std::move(array);
+  const MutexLock lock(mutex_);
+  read_ = message.after();
+  return {};
+}
+
+// Reads on, one thread at a time, when everything read so far is sent.
+bool ArrayResultsCall::work() {
+  std::int64_t from = 0;
+  {
+    const MutexLock lock(mutex_);
+    again_ = again_ || reading_;
+    if (reading_ || end_ || broken() || finishing() || !page_.empty()) return false;
+    reading_ = true;
+    from = read_;
+  }
+  auto news = array_->news_after(from, kPageBytes);
+  const MutexLock lock(mutex_);
+  reading_ = false;
+  const bool again = std::exchange(again_, false);
+  if (!news) {
+    end_ = to_status(news.error(), parts_.scheduler.retry_delay_s());
+    return false;
+  }
+  for (ElementAnswer& answer : news->answers) {
+    read_ = answer.sequence;
+    page_.push_back(std::move(answer));
+  }
+  if (news->is_over) end_ = news->end ? to_status(*news->end) : grpc::Status::OK;
+  return again && page_.empty() && !end_;
+}
+
+bool ArrayResultsCall::next_event(grpc::ByteBuffer* event) {
+  if (page_.empty()) return false;
+  *event = reported(page_.front());
+  page_.pop_front();
+  return true;
+}
+
+std::optional<grpc::Status> ArrayResultsCall::ending() {
+  if (reading_) return std::nullopt;
+  if (broken()) return to_status(failure(ErrorCode::cancelled, "the client gave up"));
+  return end_;
+}
+
+// Sends results that a drain still finishes; after that there is nothing to wait for.
+void ArrayResultsCall::on_timer(Clock::time_point /*now*/) {
+  if (!parts_.scheduler.is_drained() || !parts_.submissions->is_settled()) return;
+  go_on();
+  {
+    const MutexLock lock(mutex_);
+    if (end_ || reading_ || writing() || !page_.empty()) return;
+    end_ = end_of_stream(parts_, draining());
+  }
+  go_on();
+}
+
+}  // namespace marble::server
