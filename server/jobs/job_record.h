@@ -63,7 +63,8 @@ struct JobSnapshot {
   std::int64_t iterations = 0, factorizations = 0;
   double objective = 0.0;
   Violations violations;
-  double incumbent = std::numeric_limits<double>::infinity();  ///< of a tree (option global), as in Progress
+  double incumbent =
+      std::numeric_limits<double>::infinity();  ///< of a tree (option global_search), as in Progress
   double bound = -std::numeric_limits<double>::infinity();
   double gap = std::numeric_limits<double>::infinity();
   std::int64_t nodes = 0, open_nodes = 0;

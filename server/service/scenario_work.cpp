@@ -37,7 +37,7 @@ Expected<void> check_size(const Config& config, const ScenarioProblem& problem,
       settings.out_of_sample_scenarios > config.scenarios - settings.max_sample_size)
     return unexpected(failure(ErrorCode::resource_exhausted, "max_sample_size",
                               std::to_string(settings.max_sample_size) + " and " +
-                                  std::to_string(settings.out_of_sample_scenarios) + " fresh ones",
+                                  std::to_string(settings.out_of_sample_scenarios) + " out-of-sample ones",
                               "must be at most " + std::to_string(config.scenarios) +
                                   " together (the server's limit \"scenarios\")"));
   const std::int64_t most = std::min(settings.max_sample_size, problem.scenarios);

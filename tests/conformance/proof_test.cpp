@@ -1,4 +1,4 @@
-// Proofs by a server (option global): the same as here, and long ones watched and ended.
+// Proofs by a server (option global_search): the same as here, and long ones watched and ended.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -99,7 +99,7 @@ def test_an_old_worker_of_nginx_ends_though_a_connection_was_silent_when_it_was_
         engine.close()
 
 
-def test_with_time_of_notice_haproxy_needs_no_word_from_whoever_restarts(fleet, problem):
+def test_with_time_of_notice_haproxy_needs_no_word_from_the_operator(fleet, problem):
     def start_anew(flags):
         for server in fleet.servers:
             server.kill()

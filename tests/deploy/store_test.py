@@ -1,4 +1,4 @@
-"""Three servers with one PostgreSQL behind HAProxy: jobs go through it, whoever of them is restarted or killed."""
+"""Three servers with one PostgreSQL behind HAProxy: jobs go through it, whichever of them is restarted or killed."""
 
 import ctypes
 import os

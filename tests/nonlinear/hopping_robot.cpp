@@ -150,7 +150,7 @@ HoppingRobot::State step_of_the_world(const HoppingRobot::State& state, double t
   problem.lower[fixed] = problem.upper[fixed] = torque;
   const auto answer = nonlinear::solve(problem, nonlinear::open_ticks_in_process);
   if (!answer) throw std::runtime_error(answer.error().message());
-  if (!is_solved(answer->status)) throw std::runtime_error("the world: " + answer->detail);
+  if (!is_solved(answer->status)) throw std::runtime_error("simulation: " + answer->detail);
   HoppingRobot::State next;
   std::copy_n(answer->x.begin() + HoppingRobot::kState, next.size(), next.begin());
   return next;

@@ -51,7 +51,7 @@ class HoppingRobot {
   SparseMatrix of_equalities_, of_G_, of_H_, of_residuals_;
 };
 
-/// What the world makes of a torque: the state after a step. `guess` is a stage that may be near. Throws
+/// The state that a torque leads to, after a step. `guess` is a stage that may be near. Throws
 /// where it finds none.
 [[nodiscard]] HoppingRobot::State step_of_the_world(const HoppingRobot::State& state, double torque,
                                                     std::span<const double> guess);

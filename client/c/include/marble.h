@@ -46,7 +46,7 @@ enum marble_error_code {
 enum marble_status {
   MARBLE_STATUS_SOLVED = 0, /* All tolerances are met. */
   MARBLE_STATUS_ALMOST_SOLVED = 1, /* Feasible to 100 times the tolerances, but no further progress was possible. */
-  MARBLE_STATUS_ITERATION_LIMIT = 2, /* max_iterations was reached, or with option global node_limit; this is the best iterate. */
+  MARBLE_STATUS_ITERATION_LIMIT = 2, /* max_iterations was reached, or with option global_search node_limit; this is the best iterate. */
   MARBLE_STATUS_TIME_LIMIT = 3, /* time_limit_s was reached; this is the best iterate. */
   MARBLE_STATUS_CANCELLED = 4, /* The solve was cancelled by its client, by a cancel call or by a server that shuts down; this is the best iterate. */
   MARBLE_STATUS_INFEASIBLE = 5, /* No point meets the constraints. The certificate proves it even without complementarity; if it is empty, every branch of the pairs was refuted. */

@@ -179,7 +179,7 @@ void add_plot(CLI::App& program, int& exit_code) {
           "--columns", arguments->columns,
           "columns to plot, separated by commas. Violations, kkt_residual, kappa, rho, regularization and "
           "gap use a logarithmic axis, the others a linear one below; default: violations, kkt_residual, "
-          "kappa and objective, or for a tree (option global) gap, incumbent and bound")
+          "kappa and objective, or for a tree (option global_search) gap, incumbent and bound")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::IsMember(names));

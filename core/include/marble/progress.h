@@ -33,7 +33,8 @@ struct Progress {
   double regularization = 0.0;      ///< δ of the factorization that gave the step
   std::int32_t factorizations = 0;  ///< all factorizations so far, rejected ones included
   double elapsed_s = 0.0;           ///< seconds since the solve began
-  /// With option global, once its tree has begun: objective of the best point so far; +∞ if there is none.
+  /// With option global_search, once its tree has begun: objective of the best point so far; +∞ if there is
+  /// none.
   double incumbent = std::numeric_limits<double>::infinity();
   double bound = -std::numeric_limits<double>::infinity();  ///< as Solution::bound, so far
   double gap = std::numeric_limits<double>::infinity();     ///< as Solution::gap, so far
@@ -69,8 +70,8 @@ enum class Phase {
   setup,         ///< scaling, ordering, symbolic analysis, assembly
   path,          ///< the path of the relaxed problem, or the interior point method of a QP
   local_search,  ///< exact solutions of branches, and the search for better ones
-  starts,        ///< further starts (option starts, or a small problem that is not convex)
-  tree,          ///< branch and bound over the pairs (option global, or a small problem)
+  starts,        ///< further starts (option num_starts, or a small problem that is not convex)
+  tree,          ///< branch and bound over the pairs (option global_search, or a small problem)
   feasibility,   ///< the search for a feasible branch, without regard to the objective
   scenarios,     ///< the stages of a scenario solve
   coupled,       ///< the iterations of a coupled solve

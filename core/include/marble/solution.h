@@ -110,19 +110,19 @@ struct Solution {
   /// Whether z is a local minimum, judged by the curvature of Q (scaled, to 1e-7).
   SecondOrder second_order = SecondOrder::unknown;
   double objective = 0.0;  ///< ½ zᵀQz + gᵀz + c₀
-  /// With option global: true if the solution is within relative_gap_tolerance of the bound, or if the tree
-  /// proved infeasibility. Without it: true for a certificate, and for a small problem whose tree was
-  /// completed within max_small_problem_nodes. If the solution of option global is not proved, `detail` says
-  /// why.
+  /// With option global_search: true if the solution is within relative_gap_tolerance of the bound, or if the
+  /// tree proved infeasibility. Without it: true for a certificate, and for a small problem whose tree was
+  /// completed within max_small_problem_nodes. If the solution of option global_search is not proved,
+  /// `detail` says why.
   bool proved = false;
   /// Lower bound: no feasible point has an objective below it, with an allowance for rounding; where rows
   /// leave a variable unbounded, this holds for |z|∞ up to the radius in `detail`. −∞ if no bound is known,
-  /// so wherever neither option global nor max_small_problem_nodes computed one; +∞ for a problem that is
-  /// proved infeasible. See also marble::Proof.
+  /// so wherever neither option global_search nor max_small_problem_nodes computed one; +∞ for a problem that
+  /// is proved infeasible. See also marble::Proof.
   double bound = -std::numeric_limits<double>::infinity();
   /// (objective − bound) / max(1, |objective|), ≥ 0; +∞ without a feasible point or a bound.
   double gap = std::numeric_limits<double>::infinity();
-  std::int64_t nodes = 0;       ///< bounded nodes of the tree of option global or max_small_problem_nodes
+  std::int64_t nodes = 0;  ///< bounded nodes of the tree of option global_search or max_small_problem_nodes
   std::int64_t open_nodes = 0;  ///< nodes left open at the end: 0 if the tree was searched completely
   /// Leaves of a session's last tree with which this tree began instead of the root. They were bounded again
   /// by the multipliers that closed them, without a new solve. `detail` says how many of them stayed closed.
@@ -135,8 +135,8 @@ struct Solution {
   /// max |Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη| or max |ν (Cz + d)|, whichever is larger, in the user's units
   double kkt_residual = 0.0;
   std::int32_t iterations = 0;  ///< Newton steps
-  /// All factorizations, including rejected ones. With option global, each helper of a TaskRunner makes one
-  /// of its own for some problems; nothing else depends on the helpers.
+  /// All factorizations, including rejected ones. With option global_search, each helper of a TaskRunner
+  /// makes one of its own for some problems; nothing else depends on the helpers.
   std::int32_t factorizations = 0;
   Times times;  ///< time spent in each part
   /// The derivatives that SolveControls::sensitivity requested, or why there are none: failed_precondition of

@@ -42,8 +42,8 @@ struct SolveControls {
   /// Requests derivatives of the solution with respect to the problem's numbers, from the last factor of the
   /// solve.
   const SensitivityRequest* sensitivity = nullptr;
-  /// With option starts > 1, further starts run on it, four at a time. Without a runner they run one after
-  /// the other. The solution is the same to the last bit.
+  /// With option num_starts > 1, further starts run on it, four at a time. Without a runner they run one
+  /// after the other. The solution is the same to the last bit.
   TaskRunner* runner = nullptr;
   Pause* pause = nullptr;  ///< asked whether to yield to other work; must outlive the solve
   /// When the time limit began, if it also covers the set-up; by default the beginning of the solve.

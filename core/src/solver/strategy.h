@@ -40,7 +40,7 @@ class Strategy {
     /// decided.
     SecondOrder second_order = SecondOrder::unknown;
     bool stayed_warm = false;  ///< no cold start was needed
-    TreeResult tree = {};      ///< with option global
+    TreeResult tree = {};      ///< with option global_search
   };
 
   /// Solves from z (scaled). With a warm start, its branch comes first. With `resumes`, the run continues
@@ -64,7 +64,7 @@ class Strategy {
   /// Valid until the next run, which resets it. With the factor with which this run ended, if that is the
   /// last one.
   [[nodiscard]] BranchPoint& point() { return branch_.point; }
-  /// Memory for a tree, with option global, and the part of it that may be kept for the next tree.
+  /// Memory for a tree, with option global_search, and the part of it that may be kept for the next tree.
   void allow_tree(double bytes, double kept_bytes) {
     tree_bytes_ = bytes;
     kept_tree_bytes_ = kept_bytes;

@@ -80,8 +80,8 @@ void to_message(const Conflict& conflict, v1::Conflict* message);
 void to_message(const Violations& violations, v1::Violations* message);
 [[nodiscard]] Violations violations_of(const v1::Violations& message);
 
-/// Copies the state of a tree (option global) from Progress, Solution or a job. Unknown values are absent in
-/// the message, so that a solve without a tree sends none of them, and infinite in `reported`.
+/// Copies the state of a tree (option global_search) from Progress, Solution or a job. Unknown values are
+/// absent in the message, so that a solve without a tree sends none of them, and infinite in `reported`.
 template <class Reported, class Message>
 void tree_to_message(const Reported& reported, Message* message) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();

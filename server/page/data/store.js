@@ -25,7 +25,7 @@ function texts(message, fields) {
   return Object.assign({}, ...fields.map((field) => ({ [field]: message[field] ?? "" })));
 }
 
-// The tree of option global; NaN where a number is unknown.
+// The tree of option global_search; NaN where a number is unknown.
 const toTree = (message) => ({ ...numbers(message, ["incumbent", "bound", "gap"], NaN), ...numbers(message, ["nodes", "open_nodes"]) });
 
 /** A row of progress as one flat record, with the names of the message. */
@@ -56,7 +56,7 @@ function toLevel(level) {
   return {
     ...numbers(level, ["scenarios", "objective", "factorizations", "seconds"]),
     status: short(level.status, "STATUS_"),
-    fresh: level.fresh ? numbers(level.fresh, ["scenarios", "without_recourse", "mean", "half_width"]) : null,
+    out_of_sample: level.out_of_sample ? numbers(level.out_of_sample, ["scenarios", "without_recourse", "mean", "half_width"]) : null,
   };
 }
 

@@ -56,8 +56,8 @@ function kindOfSolution(job, options, solution) {
     feasible: judge(job, options).every(({ met }) => met),
     pairs: job.pairs,
     budgetSpent: job.factorizations >= Number(options?.max_local_search_factorizations ?? 1000) && !job.detail?.includes("segments; "),
-    starts: Number(options?.starts ?? 1),
-    globalSearch: options?.global === true,
+    starts: Number(options?.num_starts ?? 1),
+    globalSearch: options?.global_search === true,
   };
   const shown = job.proved && job.nodes > 0; // by `proof`
   const kind = untested ? "It is not proved that this is the optimum." : `Kind: ${kindText(facts)}.`;
@@ -70,7 +70,7 @@ function underWay(job, options) {
   if (job.state === "queued") lines.push(`${whole(job.queue_position)} before it; estimated wait ${duration(job.estimated_wait_s)}.`);
   if (job.state !== "running" || job.kind === "session") return lines;
   if (job.activity.text) lines.push(`Now: ${job.activity.text}.`);
-  if (options?.global === true && job.nodes === 0) lines.push("It searches for a first good point; then the tree begins, which yields a bound.");
+  if (options?.global_search === true && job.nodes === 0) lines.push("It searches for a first good point; then the tree begins, which yields a bound.");
   return lines;
 }
 
@@ -132,7 +132,7 @@ export function conflictingParts(conflict) {
   return { parts: parts.slice(0, MAX_PARTS), more: Math.max(0, parts.length - MAX_PARTS), minimal: conflict?.minimal === true, detail: conflict?.detail ?? "" };
 }
 
-// What the tree of option global has proved.
+// What the tree of option global_search has proved.
 function proof({ nodes, open_nodes, state, status, proved, incumbent, bound, gap }) {
   if (nodes === 0) return [];
   const count = `${whole(nodes)} ${nodes === 1 ? "node" : "nodes"}`;

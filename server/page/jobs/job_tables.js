@@ -47,7 +47,7 @@ export function showFacts(place, job, trace) {
   );
 }
 
-// The tree of option global.
+// The tree of option global_search.
 function treeFacts({ nodes, open_nodes, incumbent, bound, gap }, trace) {
   if (nodes === 0) return [];
   const speed = nodeRates(trace.rows).at(-1);

@@ -1,5 +1,5 @@
 // The convergence of a solve: residuals on a log scale, and objective and penalty below, by iteration or time. With a
-// tree (option global), incumbent and bound over time.
+// tree (option global_search), incumbent and bound over time.
 
 import { make, onceAFrame, styleValue } from "../base/dom.js";
 import { duration, rate, real, residual, whole } from "../base/format.js";

@@ -5,19 +5,19 @@ import { duration, real, whole } from "../base/format.js";
 
 /** The position of each finite value in per cent, with room at the ends. */
 export function scaleOf(levels) {
-  const ends = levels.flatMap(({ objective, fresh }) => [objective, ...(fresh ? [fresh.mean - fresh.half_width, fresh.mean + fresh.half_width] : [])]);
+  const ends = levels.flatMap(({ objective, out_of_sample: sample }) => [objective, ...(sample ? [sample.mean - sample.half_width, sample.mean + sample.half_width] : [])]);
   const known = ends.filter(Number.isFinite);
   const low = Math.min(...known);
   const span = Math.max(...known) - low || Math.max(1, Math.abs(low));
   return (value) => 4 + (92 * (value - low)) / span;
 }
 
-function interval({ objective, fresh, status }, place) {
+function interval({ objective, out_of_sample: sample, status }, place) {
   const line = make("div", { class: "interval", "aria-hidden": "true" });
-  if (fresh && Number.isFinite(fresh.half_width)) {
+  if (sample && Number.isFinite(sample.half_width)) {
     const bar = make("span", { class: "interval-bar" });
-    bar.style.left = `${place(fresh.mean - fresh.half_width)}%`;
-    bar.style.width = `${place(fresh.mean + fresh.half_width) - place(fresh.mean - fresh.half_width)}%`;
+    bar.style.left = `${place(sample.mean - sample.half_width)}%`;
+    bar.style.width = `${place(sample.mean + sample.half_width) - place(sample.mean - sample.half_width)}%`;
     line.append(bar);
   }
   if (status === "solved" || status === "almost_solved") {
@@ -28,10 +28,10 @@ function interval({ objective, fresh, status }, place) {
   return line;
 }
 
-function freshCells(fresh) {
-  if (!fresh) return ["", ""];
-  const half = Number.isFinite(fresh.half_width) ? ` ± ${real(fresh.half_width)}` : "";
-  return [`${real(fresh.mean)}${half}`, fresh.without_recourse > 0 ? `${whole(fresh.without_recourse)} of ${whole(fresh.scenarios)}` : "none"];
+function sampleCells(sample) {
+  if (!sample) return ["", ""];
+  const half = Number.isFinite(sample.half_width) ? ` ± ${real(sample.half_width)}` : "";
+  return [`${real(sample.mean)}${half}`, sample.without_recourse > 0 ? `${whole(sample.without_recourse)} of ${whole(sample.scenarios)}` : "none"];
 }
 
 /** One row per level, with its interval as a bar and its cost as a mark. */
@@ -40,7 +40,7 @@ export function showLevels(place, levels) {
   const head = ["scenarios", "", "cost", "out of sample, 95 %", "without recourse", "factorizations", "time"];
   const rows = levels.map((level) => {
     const solved = level.status.startsWith("solved");
-    const cells = [solved ? real(level.objective) : level.status.replaceAll("_", " "), ...freshCells(level.fresh), whole(level.factorizations), duration(level.seconds)];
+    const cells = [solved ? real(level.objective) : level.status.replaceAll("_", " "), ...sampleCells(level.out_of_sample), whole(level.factorizations), duration(level.seconds)];
     return make("tr", {}, make("th", { scope: "row" }, whole(level.scenarios)), make("td", { class: "interval-cell" }, interval(level, at)), ...cells.map((cell) => make("td", {}, cell)));
   });
   place.replaceChildren(

@@ -43,7 +43,7 @@ TEST_F(Proving, TheKindOfAnswerIsReportedWithWhatToTry) {
   EXPECT_NE(proved.out.find("\n  answer          proved optimal\n"), std::string::npos) << proved.out;
   EXPECT_NE(proved.out.find(" factorizations, 1 node\n"), std::string::npos) << proved.out;
   EXPECT_EQ(proved.out.find("what to try"), std::string::npos) << proved.out;
-  EXPECT_EQ(proved.out.find("  proof  "), std::string::npos) << "no option global: " << proved.out;
+  EXPECT_EQ(proved.out.find("  proof  "), std::string::npos) << "no option global_search: " << proved.out;
   const Json json = run("solve --local --quiet --output json " + good).lines().at(0);
   EXPECT_EQ(json["kind"], "proved_optimal");
   EXPECT_EQ(json["nodes"], 1);

@@ -3,7 +3,8 @@
 // proved.
 //
 // The elastic problem of the feasibility phase's tree failed from there at its root, and a root that failed
-// is no proof. Now a small problem has the tree of option global look too, whose bounds need no good start.
+// is no proof. Now a small problem has the tree of option global_search look too, whose bounds need no good
+// start.
 #include <gtest/gtest.h>
 
 #include "marble/solver.h"

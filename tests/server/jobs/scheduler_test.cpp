@@ -342,7 +342,7 @@ TEST_F(SchedulerTest, WhatTakesTooLongThereIsBegunAnewByAWorkerToTheSameBits) {
   EXPECT_EQ(scheduler.counters().answered, scheduler.counters().accepted);
 }
 
-// Nodes of a tree are such pieces: whoever comes waits for the one at hand, not for the round.
+// Nodes of a tree are such pieces: a job that comes waits for the one at hand, not for the round.
 TEST_F(SchedulerTest, AJobWaitsForOnePieceOfAnothersRoundNotForTheRound) {
   Scheduler scheduler({.workers = 2, .jobs = 5, .bytes = 1000}, board_, log_, metrics_);
   std::promise<void> owner_may, helper_may, helper_began;

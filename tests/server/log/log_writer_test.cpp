@@ -69,7 +69,7 @@ TEST_F(LogWriterTest, BeyondItsBoundItDropsAndCounts) {
   writer.put("reported\n", writer.backlog().unreported);
   EXPECT_EQ(writer.backlog().unreported, 0);
   EXPECT_GT(writer.dropped(), 0) << "since the beginning";
-  EXPECT_EQ(read_bytes(5), "reported\n");
+  EXPECT_EQ(read_bytes(9), "reported\n");
 }
 
 TEST_F(LogWriterTest, LinesOfAnyLengthAndADescriptorThatDoesNotBlock) {

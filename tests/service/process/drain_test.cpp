@@ -82,7 +82,7 @@ TEST_F(Drain, InItsTimeOfNoticeItSaysThatItLeavesAndTakesEverything) {
   ASSERT_TRUE(eventually([&] { return health() == "NOT_SERVING"; }));
   EXPECT_TRUE(eventually([&] { return http.Get("/readyz")->status == 503; }));
   v1::SolveResponse response;
-  EXPECT_TRUE(solve(example_request(), &response).ok()) << "whoever has not asked yet is served";
+  EXPECT_TRUE(solve(example_request(), &response).ok()) << "a client that has not asked yet is served";
   Stream running(solver(), long_request());
   ASSERT_TRUE(running.read_until(Event::kStarted));
   server().terminate();

@@ -90,7 +90,7 @@ TEST_F(Start, RefusesOtherAddressesWithoutInsecure) {
 
 TEST_F(Start, ListensAnywhereWhenReported) {
   start({"--listen", "0.0.0.0:0", "--insecure", "--allow-anonymous"});
-  // Whoever listens on 127.0.0.1 alone does not hear this one.
+  // A server that listens on 127.0.0.1 alone does not hear this one.
   const std::string port = server().address().substr(server().address().rfind(':') + 1);
   const auto channel = grpc::CreateChannel("127.0.0.2:" + port, grpc::InsecureChannelCredentials());
   EXPECT_TRUE(channel->WaitForConnected(std::chrono::system_clock::now() + std::chrono::seconds(60)));

@@ -42,7 +42,7 @@ class Crash : public ::testing::TestWithParam<Moment> {
                                                : nullptr;
 };
 
-// Whoever submits and fetches goes on at the server that comes after the dead one, as clients do.
+// Clients that submit and fetch go on at the server that comes after the dead one, as clients do.
 TEST_P(Crash, EachAcceptedJobIsAnsweredOnce) {
   constexpr int kCrashes = 3, kPass = 7, kMost = 400;
   const auto other = database_ ? start(0) : nullptr;  // which may have taken what the dead one ran

@@ -405,7 +405,8 @@ TEST_F(Fleet, AMissingLibraryIsReportedWithThePackageThatHasIt) {
   unsetenv("LD_LIBRARY_PATH");
 }
 
-// Servers and the database are killed at any moment, and servers restarted; clients ask whoever answers.
+// Servers and the database are killed at any moment, and servers restarted; clients ask any server that
+// answers.
 TEST_F(Fleet, EachAcceptedJobIsAnsweredOnceWhateverIsKilled) {
   constexpr int kRounds = 4, kJobs = 40;
   std::mt19937 random(11);

@@ -73,7 +73,7 @@ export interface JobInfo extends Omit<JobInfoMessage, WordFields | TreeFields>, 
   /** Why there is no solution. */
   error?: MarbleError;
   violations: Violations;
-  /** With option global, the objective of the best point so far; Infinity if there is none. */
+  /** With option global_search, the objective of the best point so far; Infinity if there is none. */
   incumbent: number;
   times: Times;
   /** Levels of a problem with scenarios so far. */

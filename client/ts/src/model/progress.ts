@@ -4,7 +4,7 @@ import type { Progress as Message, Violations as ViolationsMessage } from "../ge
 /** Largest violations in the problem's units; 0 if there are no such constraints. */
 export interface Violations extends ViolationsMessage {}
 
-/** The branch-and-bound tree of option global; unknown numbers are infinite. */
+/** The branch-and-bound tree of option global_search; unknown numbers are infinite. */
 export interface Tree {
   /** Lower bound of the objective; −Infinity if none is known, Infinity if the problem is proved infeasible. */
   bound: number;
@@ -25,7 +25,7 @@ export function treeOf({ bound, gap, nodes, openNodes }: TreeMessage): Tree {
 /** The state of a solve after one iteration. */
 export interface Progress extends Omit<Message, "violations" | "z" | "incumbent" | keyof Tree>, Tree {
   violations: Violations;
-  /** With option global, the objective of the best point so far; Infinity if there is none. */
+  /** With option global_search, the objective of the best point so far; Infinity if there is none. */
   incumbent: number;
   /** The iterate, n entries, if this row has it: see `iterateEvery`. */
   z?: Float64Array;

@@ -13,7 +13,7 @@ const noGap = 1e-6;
 
 /**
  * What the kind of a solution, its text and its advice follow from. feasible: z is within the tolerances. budgetSpent:
- * the factorizations have reached the option maxLocalSearchFactorizations. starts, globalSearch: the options starts and global.
+ * the factorizations have reached the option max_local_search_factorizations. starts, globalSearch: the options num_starts and global_search.
  * @typedef {{status: string, proved: boolean, bStationary?: boolean | undefined, secondOrder?: string | undefined,
  *   objective: number, gap: number, feasible: boolean, pairs: number, factorizations: number, budgetSpent: boolean,
  *   starts: number, globalSearch: boolean}} SolutionFacts

@@ -114,8 +114,8 @@ export const statuses = /** @type {const} */ ({
   },
   iteration_limit: {
     tone: "soft",
-    means: "max_iterations was reached, or with option global node_limit; this is the best iterate.",
-    advice: "If the convergence curves still fall, raise max_iterations. If they are flat, another start (x0, or starts above 1) helps more than further iterations. If nodes are open, raise node_limit.",
+    means: "max_iterations was reached, or with option global_search node_limit; this is the best iterate.",
+    advice: "If the convergence curves still fall, raise max_iterations. If they are flat, another start (x0, or num_starts above 1) helps more than further iterations. If nodes are open, raise node_limit.",
   },
   time_limit: {
     tone: "soft",

@@ -1,5 +1,5 @@
-// Whoever listed jobs "before" another client's job learned whether it exists: an empty page if it did,
-// NOT_FOUND if it did not. The page was cut at any job of the board, whoever's it was.
+// A client that listed jobs "before" another client's job learned whether it exists: an empty page if it did,
+// NOT_FOUND if it did not. The page was cut at any job of the board, whichever client's it was.
 #include <gtest/gtest.h>
 
 #include "service/job_requests.h"

@@ -1,7 +1,7 @@
 // Symptom: at SIGTERM under load one to three calls ended with CANCELLED, which nobody retries, instead of
 // UNAVAILABLE; streams that the drain ended said UNAVAILABLE without when to come back.
 // Cause: gRPC answers a call that arrives during its shutdown with CANCELLED. 200 ms were left for those who
-// had just been refused to be refused again: but whoever goes on asking is never done.
+// had just been refused to be refused again: but a client that goes on asking is never done.
 // Then connections were cut under those who go on asking: one call of most clients ended with "Socket
 // closed", and some of these had been refused, or solved, by a server whose words came too late; so had a
 // call whose message was still on its way.

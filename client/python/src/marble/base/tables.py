@@ -61,8 +61,8 @@ _ADVICE: Final = {
     "almost_solved":
         "Use it if that is enough. Otherwise find the largest violation, and scale its rows or loosen its tolerance.",
     "iteration_limit":
-        "If the convergence curves still fall, raise max_iterations. If they are flat, another start (x0, or starts "
-        "above 1) helps more than further iterations. If nodes are open, raise node_limit.",
+        "If the convergence curves still fall, raise max_iterations. If they are flat, another start (x0, or "
+        "num_starts above 1) helps more than further iterations. If nodes are open, raise node_limit.",
     "time_limit":
         "Check which part took the time. Then raise time_limit_s, lower max_local_search_factorizations, or use warm "
         "starts in a session.",
@@ -136,7 +136,7 @@ class Status(enum.Enum):
 
     SOLVED: All tolerances are met.
     ALMOST_SOLVED: Feasible to 100 times the tolerances, but no further progress was possible.
-    ITERATION_LIMIT: max_iterations was reached, or with option global node_limit; this is the best iterate.
+    ITERATION_LIMIT: max_iterations was reached, or with option global_search node_limit; this is the best iterate.
     TIME_LIMIT: time_limit_s was reached; this is the best iterate.
     CANCELLED: The solve was cancelled by its client, by a cancel call or by a server that shuts down; this is the
     best iterate.

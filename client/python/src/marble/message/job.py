@@ -65,7 +65,7 @@ class Job:
     traceparent of the request. server: of servers that share a store, the one that runs it or ran it last; of submitted
     jobs, empty before one has. levels: of a scenario solve, so far. activity: what it is doing, in words, while it
     runs; else empty. array: the progress of an array.
-    proved, incumbent, bound, gap, nodes, open_nodes: of option global, as in Solution and Progress, so far.
+    proved, incumbent, bound, gap, nodes, open_nodes: of option global_search, as in Solution and Progress, so far.
     """
 
     job_id: str

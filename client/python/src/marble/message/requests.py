@@ -27,6 +27,8 @@ from marble.model.solution import Solution
 # Names in other solvers that resemble none of this package's.
 _ELSEWHERE: Final = {
     "timeout": ("deadline", "time_limit_s"), "verbose": ("progress",), "x0": ("z0",),
+    "starts": ("num_starts",), "global": ("global_search",), "global_": ("global_search",),
+    **dict.fromkeys(("gap_tol", "rel_gap", "mip_gap", "mipgap"), ("relative_gap_tolerance",)),
     **dict.fromkeys(("tol", "eps", "tolerance"),
                     ("equality_tolerance", "inequality_tolerance", "complementarity_tolerance",
                      "stationarity_tolerance"))}

@@ -30,7 +30,7 @@ class SolutionFacts:
 
     feasible: the point is within the tolerances. budget_spent: the factorizations have reached max_local_search_factorizations,
     which says nothing of an answer by segments, as each of them has that budget.
-    starts, global_search: the options starts and global.
+    starts, global_search: the options num_starts and global_search.
     """
 
     status: Status

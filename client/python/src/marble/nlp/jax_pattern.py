@@ -55,7 +55,7 @@ def _slice(values: Sequence[Any], shape: tuple[int, ...], params: Any) -> Any:
 _BY_NUMPY: Final[dict[str, Callable[[Sequence[Any], tuple[int, ...], Any], Any]]] = {
     "broadcast_in_dim": _broadcast, "slice": _slice,
     "concatenate": lambda values, shape, params: np.concatenate(values, params["dimension"]),
-    "rev": lambda values, shape, params: np.switch_pair(values[0], params["dimensions"]),
+    "rev": lambda values, shape, params: np.flip(values[0], params["dimensions"]),
     "transpose": lambda values, shape, params: np.transpose(values[0], params["permutation"]),
     **dict.fromkeys(("expand_dims", "reshape", "squeeze"), lambda values, shape, params: values[0].reshape(shape))}
 
