@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "connection/connection.h"
+#include "handle/transport.h"
 #include "in_process/in_process.h"
 #include "marble/client.h"
 #include "marble/composite/lifted_block.h"
@@ -138,14 +139,13 @@ class BlockSession final : public BlockSolver {
 
 // Runs `solve(controls)` with the blocks on the servers.
 template <class Answer, auto end, class Solve>
-Expected<Answer> by_sessions(const std::shared_ptr<const Connection>& connection, const Client& any,
-                             std::vector<Client> each, const Options& options,
+Expected<Answer> by_sessions(const Client& any, std::vector<Client> each, const Options& options,
                              const CoupledControls& controls, const BlockSessions& seen, const Solve& solve) {
   CoupledControls own = controls;
   if (!own.begun) own.begun = std::chrono::steady_clock::now();
   WaitingThreads threads;
   Servers servers{any, std::move(each), seen, options, controls.stop, *own.begun};
-  if (connection != nullptr) {
+  if (!servers.each.empty()) {
     own.open = [&servers](const LiftedBlock& block) -> Expected<std::unique_ptr<BlockSolver>> {
       return std::make_unique<BlockSession>(servers, block);
     };
@@ -163,10 +163,12 @@ Expected<Answer> by_sessions(const std::shared_ptr<const Connection>& connection
 
 Expected<std::vector<Client>> Client::each() const {
   std::vector<Client> result;
-  if (connection_ == nullptr) return result;
-  auto connections = client::Connection::each(connection_);
+  const std::shared_ptr<const client::Connection> all = transport_->connection();
+  if (all == nullptr) return result;
+  auto connections = client::Connection::each(all);
   if (!connections) return unexpected(connections.error());
-  for (auto& connection : *connections) result.push_back(Client(std::move(connection)));
+  for (auto& connection : *connections)
+    result.push_back(Client(client::remote_transport(std::move(connection))));
   return result;
 }
 
@@ -178,7 +180,7 @@ Expected<RemoteCoupledSolution> Client::solve_coupled_by_sessions(const CoupledV
     auto servers = each();
     if (!servers) return unexpected(servers.error());
     return client::by_sessions<RemoteCoupledSolution, &RemoteCoupledSolution::joint>(
-        connection_, *this, *std::move(servers), options.options, controls, sessions,
+        *this, *std::move(servers), options.options, controls, sessions,
         [&](const CoupledControls& own) { return marble::solve_coupled(view, options, own); });
   });
 }
@@ -192,7 +194,7 @@ Expected<RemotePiecesSolution> Client::solve_in_pieces_by_sessions(const Problem
     auto servers = each();
     if (!servers) return unexpected(servers.error());
     return client::by_sessions<RemotePiecesSolution, &RemotePiecesSolution::whole>(
-        connection_, *this, *std::move(servers), options.coupled.options, controls, sessions,
+        *this, *std::move(servers), options.coupled.options, controls, sessions,
         [&](const CoupledControls& own) {
           return marble::solve_in_pieces(problem, stage_of_variable, options, own);
         });

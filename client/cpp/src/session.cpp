@@ -15,18 +15,6 @@ Session& Session::operator=(Session&& other) noexcept {
 
 Session::~Session() = default;
 
-Expected<Session> Session::open(std::shared_ptr<const client::Connection> connection,
-                                const ProblemView& problem, const Options& options,
-                                const SessionOptions& session) {
-  return or_out_of_memory([&]() -> Expected<Session> {
-    auto state = connection == nullptr
-                     ? client::open_session_in_process(problem, options, session)
-                     : client::open_remote_session(std::move(connection), problem, options, session);
-    if (!state) return unexpected(state.error());
-    return Session(std::move(*state));
-  });
-}
-
 Expected<std::int64_t> Session::send(const ProblemUpdate& update, const UpdateControls& controls) {
   return or_out_of_memory([&] { return state_->send(update, controls); });
 }

@@ -30,6 +30,10 @@
 
 namespace marble {
 
+namespace client {
+class Transport;
+}
+
 /// Is thread-safe; one connection serves any number of concurrent calls. No call throws.
 /// Errors: unavailable (not reachable, draining, not a Marble server), invalid_argument (field, index and
 /// bound as Problem::create reports them), resource_exhausted, deadline_exceeded, cancelled, unauthenticated,
@@ -149,9 +153,9 @@ class Client {
   [[nodiscard]] const std::string& address() const;
 
  private:
-  explicit Client(std::shared_ptr<const client::Connection> connection);
+  explicit Client(std::shared_ptr<const client::Transport> transport);
   [[nodiscard]] Expected<std::vector<Client>> each() const;
-  std::shared_ptr<const client::Connection> connection_;
+  std::shared_ptr<const client::Transport> transport_;
 };
 
 /// Solves on the server that MARBLE_SERVER names, or in this process if it names none or is "local": the

@@ -23,10 +23,6 @@
 
 namespace marble {
 
-namespace client {
-class Connection;
-}
-
 /// Options of a whole session; all of them optional.
 struct SessionOptions {
   Priority priority = Priority::by_method;  ///< of all its solves
@@ -141,9 +137,6 @@ class Session {
  private:
   friend class Client;
   explicit Session(std::unique_ptr<State> state);
-  [[nodiscard]] static Expected<Session> open(std::shared_ptr<const client::Connection> connection,
-                                              const ProblemView& problem, const Options& options,
-                                              const SessionOptions& session);
   std::unique_ptr<State> state_;
 };
 

@@ -28,6 +28,8 @@ struct Session::State {
 
 namespace client {
 
+class Connection;
+
 [[nodiscard]] Expected<std::unique_ptr<Session::State>> open_remote_session(
     std::shared_ptr<const Connection> connection, const ProblemView& problem, const Options& options,
     const SessionOptions& session);

@@ -1,9 +1,8 @@
-#include "remote/coupled.h"
-
 #include "connection/traceparent.h"
 #include "marble/composite/coupled_progress.h"
 #include "marble/convert_coupled.h"
 #include "message/solve_events.h"
+#include "remote/calls.h"
 #include "remote/coupled_request.h"
 
 namespace marble::client {

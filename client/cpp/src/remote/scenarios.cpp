@@ -1,8 +1,7 @@
-#include "remote/scenarios.h"
-
 #include "connection/traceparent.h"
 #include "marble/convert_scenarios.h"
 #include "message/solve_events.h"
+#include "remote/calls.h"
 #include "remote/scenario_request.h"
 
 namespace marble::client {

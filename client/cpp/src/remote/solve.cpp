@@ -1,10 +1,9 @@
-#include "remote/solve.h"
-
 #include "connection/traceparent.h"
 #include "message/answer.h"
 #include "message/request.h"
 #include "message/solve_events.h"
 #include "message/status.h"
+#include "remote/calls.h"
 
 namespace marble::client {
 namespace {

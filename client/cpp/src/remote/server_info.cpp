@@ -1,11 +1,9 @@
 #include "marble/server_info.h"
 
-#include "connection/connection.h"
-#include "in_process/in_process.h"
-#include "marble/client.h"
 #include "message/status.h"
+#include "remote/calls.h"
 
-namespace marble {
+namespace marble::client {
 namespace {
 
 void take_limits(const v1::Limits& limits, ServerInfo& info) {
@@ -32,14 +30,13 @@ void take_counters(const v1::Counters& counters, ServerInfo& info) {
 
 }  // namespace
 
-Expected<ServerInfo> Client::info(const std::stop_token& stop) const {
-  if (connection_ == nullptr) return unexpected(client::no_server());
+Expected<ServerInfo> server_info(const Connection& connection, const std::stop_token& stop) {
   grpc::ClientContext context;
-  connection_->prepare(context, client::kQuickCall);
+  connection.prepare(context, kQuickCall);
   const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
   v1::GetInfoResponse response;
-  const grpc::Status status = connection_->server().GetInfo(&context, {}, &response);
-  if (!status.ok()) return unexpected(client::to_error(status, stop));
+  const grpc::Status status = connection.server().GetInfo(&context, {}, &response);
+  if (!status.ok()) return unexpected(to_error(status, stop));
   ServerInfo info;
   info.version = response.version();
   info.workers = response.workers();
@@ -51,4 +48,4 @@ Expected<ServerInfo> Client::info(const std::stop_token& stop) const {
   return info;
 }
 
-}  // namespace marble
+}  // namespace marble::client

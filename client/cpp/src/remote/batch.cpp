@@ -7,12 +7,11 @@
 #include "connection/connection.h"
 #include "connection/patience.h"
 #include "connection/traceparent.h"
-#include "in_process/in_process.h"
-#include "marble/client.h"
 #include "message/answer.h"
 #include "message/request.h"
 #include "message/status.h"
 #include "remote/batch_queue.h"
+#include "remote/calls.h"
 
 namespace marble {
 namespace {
@@ -187,23 +186,12 @@ class Batch {
 
 }  // namespace
 
-Expected<void> Client::solve_batch(const BatchSource& source, const BatchSink& sink,
-                                   const BatchControls& controls) const {
-  if (connection_ == nullptr) return client::solve_batch_locally(source, sink, controls);
+Expected<void> client::solve_batch_remotely(const Connection& connection, const BatchSource& source,
+                                            const BatchSink& sink, const BatchControls& controls) {
   if (controls.wait && !(*controls.wait >= Seconds(0.0)))
     return unexpected(invalid("wait", "must be >= 0 seconds"));
-  if (auto valid = client::check_traceparent(controls.traceparent); !valid) return unexpected(valid.error());
-  return Batch(*connection_, source, sink, controls).run();
-}
-
-Expected<void> Client::solve_batch(std::span<const BatchProblem> problems, const BatchSink& sink,
-                                   const BatchControls& controls) const {
-  std::size_t next = 0;
-  const BatchSource source = [&]() -> std::optional<BatchProblem> {
-    if (next == problems.size()) return std::nullopt;
-    return problems[next++];
-  };
-  return solve_batch(source, sink, controls);
+  if (auto valid = check_traceparent(controls.traceparent); !valid) return unexpected(valid.error());
+  return Batch(connection, source, sink, controls).run();
 }
 
 }  // namespace marble
