@@ -208,7 +208,19 @@ int run(const SolveArguments& arguments) {
     return arguments.bundle.empty() ? how : with_bundle(arguments, server, std::move(how));
   };
   SolveMeans means{formats::read_any_problem, solve(nullptr, solve_locally)};
-  means.names = names_of_file;
+  std::optional<ProblemNames> of_input;  // standard input is read once, with its names
+  if (options->explain) {
+    means.read = [&of_input](const std::string& path) -> Expected<ProblemFile> {
+      if (path != "-") return formats::read_any_problem(path);
+      auto named = read_named_problem(path);
+      if (!named) return unexpected(named.error());
+      of_input = std::move(named->names);
+      return std::move(named->file);
+    };
+  }
+  means.names = [&of_input](const std::string& path, const OwnedProblem& problem) {
+    return path == "-" && of_input ? Expected<ProblemNames>(*of_input) : names_of_file(path, problem);
+  };
   means.otherwise = [&](const std::string& path, std::stop_token stop) {
     return solve_nonlinear_file(arguments, *nonlinear, path, std::move(stop));
   };

@@ -36,6 +36,14 @@ TEST_F(Explain, NamesEachPartAndByHowMuchToRelaxIt) {
   EXPECT_EQ(result.out.find("touch"), std::string::npos) << result.out;
 }
 
+TEST_F(Explain, ReadsTheNamesOfStandardInputToo) {
+  const std::string path = file("problem.json", arm().dump());
+  const auto conflict = [&](const std::string& from) {
+    return run("explain --quiet --local --output json " + from).lines().at(0).at("conflict");
+  };
+  EXPECT_EQ(conflict("- < " + quoted(path)), conflict(quoted(path)));
+}
+
 TEST_F(Explain, FindsTheSameConflictOnAServer) {
   const ServerProcess server(MARBLE_SERVER_BINARY, {"--workers", "1"});
   const auto conflict = [&](const std::string& where) {
