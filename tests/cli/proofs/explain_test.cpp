@@ -38,10 +38,10 @@ TEST_F(Explain, NamesEachPartAndByHowMuchToRelaxIt) {
 
 TEST_F(Explain, ReadsTheNamesOfStandardInputToo) {
   const std::string path = file("problem.json", arm().dump());
-  const auto conflict = [&](const std::string& from) {
-    return run("explain --quiet --local --output json " + from).lines().at(0).at("conflict");
+  const auto conflict = [&](const std::string& from, const std::string& input) {
+    return run("explain --quiet --local --output json " + from, input).lines().at(0).at("conflict");
   };
-  EXPECT_EQ(conflict("- < " + quoted(path)), conflict(quoted(path)));
+  EXPECT_EQ(conflict("-", path), conflict(quoted(path), "/dev/null"));
 }
 
 TEST_F(Explain, FindsTheSameConflictOnAServer) {
