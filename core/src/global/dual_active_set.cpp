@@ -1,6 +1,7 @@
 #include "global/dual_active_set.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -101,15 +102,29 @@ bool DualActiveSet::solve_held() {
   }
 }
 
+// Adds four columns in one pass over the slacks, which are larger than the first cache. Each slack gets its
+// terms in the same order as by one column after the other: the same bits.
 bool DualActiveSet::evaluate_slacks() {
+  struct Term {
+    double moved;
+    const double* column;
+  };
+  std::array<Term, 4> terms;
+  std::size_t count = 0;
   v_ = v_center_;
+  const auto scaled = [&](const Term& term) {
+    return term.moved * Eigen::Map<const Vector>(term.column, gram_.size());
+  };
   for (Index row = 0; row < gram_.size(); ++row) {
     const double moved = mu_[row] - mu_center_[row];
     if (moved == 0.0) continue;
-    const double* const column = gram_(row);
-    if (column == nullptr) return false;
-    v_ += moved * Eigen::Map<const Vector>(column, gram_.size());
+    terms[count++] = {moved, gram_(row)};
+    if (terms[count - 1].column == nullptr) return false;
+    if (count < terms.size()) continue;
+    v_ = (((v_ + scaled(terms[0])) + scaled(terms[1])) + scaled(terms[2])) + scaled(terms[3]);
+    count = 0;
   }
+  for (std::size_t k = 0; k < count; ++k) v_ += scaled(terms[k]);
   for (const Index row : held_) v_[row] = 0.0;
   return true;
 }
