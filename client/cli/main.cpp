@@ -1,6 +1,6 @@
 // The program marble: solves JSON files in this process, and executes the program with all commands for
-// everything else. Loading that program's libraries (gRPC, HDF5, ncurses and their dependencies) takes longer
-// than most solves.
+// everything else. Loading that program's libraries (gRPC, libzip, ncurses and their dependencies) takes
+// longer than most solves.
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>

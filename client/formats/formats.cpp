@@ -3,7 +3,6 @@
 #include <filesystem>
 #include <fstream>
 
-#include "mat/mat_problem.h"
 #include "mtx/matrix_market.h"
 #include "nl/nl_problem.h"
 #include "npz/npz_problem.h"
@@ -27,12 +26,19 @@ std::string name_of(std::string path) {
 // Describes the known extensions, for a file with an unknown one.
 std::string known_endings(const std::string& extension) {
   std::string text =
-      "what is read ends in .json, .pb, .bin, .npz, .mat or .nl, or is a folder of Matrix Market files";
+      "what is read ends in .json, .pb, .bin, .npz or .nl, or is a folder of Matrix Market files";
   for (const char* other : {".mps", ".qps", ".lp"}) {
     if (extension == other)
       text += "; MPS, QPS and LP files are solved by: python3 -m marble solve FILE (with highspy installed)";
   }
   return text;
+}
+
+// MATLAB's files are read by the Python package alone.
+Expected<ProblemFile> refuse_mat(const std::string& path) {
+  const std::string json = std::filesystem::path(path).replace_extension(".json").string();
+  return unexpected(
+      invalid("", ".mat", "must be converted first: python3 -m marble convert " + path + " " + json));
 }
 
 Expected<ProblemFile> read_nl(const std::string& path) {
@@ -48,7 +54,7 @@ Expected<ProblemFile> read_any_problem(const std::string& path) {
     if (path != "-" && is_folder(path)) return read_matrix_market(path, name_of(path));
     const std::string extension = extension_of(path);
     if (extension == ".npz") return read_npz(path, name_of(path));
-    if (extension == ".mat") return read_mat(path, name_of(path));
+    if (extension == ".mat") return refuse_mat(path);
     if (extension == ".nl") return read_nl(path);
     auto file = read_problem(path);
     if (!file && file.error().field.empty() && path != "-" && !format_of_path(path) &&

@@ -1,6 +1,6 @@
 // Reads and writes problems in every format of the tools, selected by the path's extension:
 //   .json, .pb, .bin  marble/problem_file.h      .npz  npz_problem.h      a folder, or NAME/  matrix_market.h
-//   .mat              mat_problem.h (read only)  .nl   nl_problem.h (read only)
+//   .nl               nl_problem.h (read only)
 #pragma once
 
 #include <string>
@@ -13,7 +13,7 @@ namespace marble::formats {
 inline constexpr const char* kNegativeOfMaximum = "is a maximum: its negative is minimized";
 
 /// Reads a file; "-" is standard input, JSON or binary. Errors name the field and the index in the format's
-/// own terms, and the bound.
+/// own terms, and the bound. A .mat file is an error that names the command that converts it.
 [[nodiscard]] Expected<ProblemFile> read_any_problem(const std::string& path);
 
 /// Checks that the path names a format that can be written.

@@ -42,59 +42,16 @@ def expect(path, parts):
         np.testing.assert_array_equal(got, wanted, err_msg=f"{path.name}: {name}")
 
 
-def lcqpow_parts():
-    """LCQPow's naming: 0 <= L x - lbL complements R x - lbR >= 0, lbA <= A x <= ubA, lb <= x <= ub."""
-    return {
-        "Q": np.array([[2.0, 0.5], [0.5, 2.0]]),
-        "g": np.array([[-2.0], [1.0 / 3.0]]),
-        "L": np.array([[1.0, 0.0]]),
-        "R": np.array([[0.0, 1.0]]),
-        "lbL": np.array([[0.25]]),
-        "A": np.array([[1.0, 1.0], [1.0, -1.0]]),
-        "lbA": np.array([[-1.0], [0.5]]),
-        "ubA": np.array([[np.inf], [0.5]]),
-        "lb": np.array([[-4.0], [-np.inf]]),
-        "ub": np.array([[np.inf], [5.0]]),
-        "x0": np.array([[1.0], [1.0]]),
-    }
-
-
 def main():
     folder = Path(tempfile.mkdtemp())
-    mat = lcqpow_parts()
-    wanted = {
-        "Q": mat["Q"],
-        "g": [-2.0, 1.0 / 3.0],
-        "A": [[1.0, -1.0]],
-        "b": [-0.5],
-        "C": [[1.0, 1.0], [1.0, 0.0], [0.0, -1.0]],
-        "d": [1.0, 4.0, 5.0],
-        "L": [[1.0, 0.0]],
-        "l": [-0.25],
-        "R": [[0.0, 1.0]],
-        "r": [0.0],
-        "x0": [1.0, 1.0],
-    }
-    for name, keywords in (("v5.mat", {"format": "5"}), ("v4.mat", {"format": "4"}),
-                           ("packed.mat", {"format": "5", "do_compression": True})):
-        scipy.io.savemat(folder / name, mat, **keywords)
-        convert(folder / name, folder / (name + ".json"))
-        expect(folder / (name + ".json"), wanted)
-    sparse = {name: sp.csc_matrix(part) if name in "QLRA" else part for name, part in mat.items()}
-    scipy.io.savemat(folder / "sparse.mat", sparse)
-    convert(folder / "sparse.mat", folder / "sparse.json")
-    expect(folder / "sparse.json", wanted)
-    scipy.io.savemat(folder / "short.mat", {**mat, "lbA": np.array([[1.0]])})
-    refused(folder / "short.mat", "lbA")
-    scipy.io.savemat(folder / "complex.mat", {**mat, "Q": mat["Q"] * 1j})
-    refused(folder / "complex.mat", "Q = complex: must be real")
-
-    own = {"Q": mat["Q"], "g": mat["g"].ravel(), "c0": np.array(1.5), "L": mat["L"], "R": mat["R"],
+    parts = {"Q": np.array([[2.0, 0.5], [0.5, 2.0]]), "g": np.array([[-2.0], [1.0 / 3.0]]), "L": np.array([[1.0, 0.0]]),
+             "R": np.array([[0.0, 1.0]])}
+    own = {"Q": parts["Q"], "g": parts["g"].ravel(), "c0": np.array(1.5), "L": parts["L"], "R": parts["R"],
            "l": np.array([-0.25]), "x0": np.array([1, 2])}
-    wanted = {"Q": mat["Q"], "g": [-2.0, 1.0 / 3.0], "L": mat["L"], "l": [-0.25], "R": mat["R"], "r": [0.0],
+    wanted = {"Q": parts["Q"], "g": [-2.0, 1.0 / 3.0], "L": parts["L"], "l": [-0.25], "R": parts["R"], "r": [0.0],
               "x0": [1.0, 2.0]}
     np.savez(folder / "dense.npz", **own)
-    np.savez_compressed(folder / "packed.npz", **{**own, "Q": np.asfortranarray(mat["Q"])})
+    np.savez_compressed(folder / "packed.npz", **{**own, "Q": np.asfortranarray(parts["Q"])})
     csr = sp.csr_matrix(np.array([[2.0, 0.5], [0.5, 2.0]]))
     np.savez(folder / "csr.npz", **{k: v for k, v in own.items() if k != "Q"}, Q_data=csr.data, Q_indices=csr.indices,
              Q_indptr=csr.indptr, Q_shape=csr.shape, Q_format="csr")
@@ -108,8 +65,8 @@ def main():
     market = folder / "market"
     market.mkdir()
     for name in ("Q", "L", "R"):
-        scipy.io.mmwrite(market / f"{name}.mtx", sp.coo_matrix(mat[name]))
-    scipy.io.mmwrite(market / "g.mtx", mat["g"])
+        scipy.io.mmwrite(market / f"{name}.mtx", sp.coo_matrix(parts[name]))
+    scipy.io.mmwrite(market / "g.mtx", parts["g"])
     scipy.io.mmwrite(market / "l.mtx", np.array([[-0.25]]))
     convert(market, folder / "market.json")
     expect(folder / "market.json", {name: wanted[name] for name in ("Q", "g", "L", "l", "R", "r")})

@@ -97,23 +97,15 @@ TEST(Formats, BrokenFilesAreRefusedWithTheirReason) {
     return read ? std::string("taken") : read.error().message();
   };
   EXPECT_NE(refused("a.npz", "PK nonsense").find("cannot be read as an .npz file"), std::string::npos);
-  EXPECT_NE(refused("a.mat", "MATLAB nonsense").find("cannot be read as a MATLAB file"), std::string::npos);
-  // Octave's plain save and its -binary: what to do is reported.
-  for (const char* begin : {"# Created by Octave 7.3.0, Wed Nov 25 2026\n# name: Q\n", "Octave-1-L\0\0"})
-    EXPECT_NE(refused("octave.mat", begin).find("save -v7 FILE"), std::string::npos) << begin;
-  // A sparse matrix of MATLAB 4 with imaginary parts: its fourth column.
-  const auto complex_4 = [] {
-    const std::uint32_t head[] = {2, 2, 4, 0, 2};
-    const double numbers[] = {1, 1, 1, 1, 2, 0, 1, 0};
-    return std::string(reinterpret_cast<const char*>(head), sizeof head) + std::string("Q\0", 2) +
-           std::string(reinterpret_cast<const char*>(numbers), sizeof numbers);
-  };
-  EXPECT_EQ(refused("complex.mat", complex_4()), "Q = complex: must be real");
+  // A file of MATLAB's, whatever is in it: the command that converts it is reported.
+  EXPECT_EQ(refused("a.mat", "MATLAB 5.0 MAT-file"),
+            ".mat: must be converted first: python3 -m marble convert " + directory.file("a.mat") + " " +
+                directory.file("a.json"));
   // Other formats, and what may be done with them.
   for (const char* name : {"model.mps", "model.qps", "model.lp", "model.txt"}) {
     const std::string said = refused(name, "NAME model\nROWS\n N  cost\nENDATA\n");
     EXPECT_NE(said.find("is neither JSON nor a marble.v1.Problem message"), std::string::npos) << said;
-    EXPECT_NE(said.find(".json, .pb, .bin, .npz, .mat or .nl"), std::string::npos) << said;
+    EXPECT_NE(said.find(".json, .pb, .bin, .npz or .nl"), std::string::npos) << said;
     EXPECT_EQ(said.find("python3 -m marble solve") == std::string::npos, std::string(name) == "model.txt")
         << said;
   }

@@ -9,7 +9,7 @@ namespace {
 void add_common(CLI::App& command, SolveArguments& arguments) {
   command
       .add_option("FILE", arguments.files,
-                  "a problem file: .json, .pb, .bin, .npz, .mat, .nl or a folder; - is standard input")
+                  "a problem file: .json, .pb, .bin, .npz, .nl or a folder; - is standard input")
       ->required();
   add_server_arguments(command, arguments.server);
   add_priority_argument(command, arguments.priority);

@@ -120,7 +120,7 @@ void add_batch(CLI::App& program, int& exit_code) {
       "batch", "Solve many problem files at once and print one line per result, in order of completion");
   command
       ->add_option("FILE", arguments->files,
-                   "problem files: .json, .pb, .bin, .npz, .mat, .nl or folders; - is standard input")
+                   "problem files: .json, .pb, .bin, .npz, .nl or folders; - is standard input")
       ->required();
   add_server_arguments(*command, arguments->server);
   add_priority_argument(*command, arguments->priority);

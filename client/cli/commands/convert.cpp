@@ -62,9 +62,8 @@ void add_convert(CLI::App& program, int& exit_code) {
   CLI::App* command = program.add_subcommand("convert", "Convert a problem to another file format");
   command
       ->add_option("IN", *in,
-                   ".json, .pb or .bin, .npz (NumPy), .mat (MATLAB, LCQPow's names), .nl (AMPL), or a folder "
-                   "of Matrix "
-                   "Market files; - is standard input, JSON or binary")
+                   ".json, .pb or .bin, .npz (NumPy), .nl (AMPL), or a folder of Matrix Market files; - is "
+                   "standard input, JSON or binary")
       ->required();
   command
       ->add_option(
@@ -72,7 +71,9 @@ void add_convert(CLI::App& program, int& exit_code) {
           "its extension names the format: .json, .pb or .bin, .npz, or a folder with a / at its end for "
           "Matrix Market")
       ->required();
-  command->footer("x0 has no place in .pb and .bin. Only .json holds best_known_objective and names.");
+  command->footer(
+      "x0 has no place in .pb and .bin. Only .json holds best_known_objective and names. MATLAB's files are "
+      "converted by: python3 -m marble convert problem.mat problem.json");
   command->callback([in, out, &exit_code] { exit_code = convert(*in, *out); });
 }
 

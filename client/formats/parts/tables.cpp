@@ -19,6 +19,22 @@ constexpr BlockNames kParts[] = {
 };
 constexpr auto kBlocks = std::span(kParts).subspan<1>();  // all but Q and g, which determine n
 
+// Returns the table's numbers if it is a row or a column of `size` of them; `field` names it in the error.
+Expected<std::vector<double>> vector_of(const TableMatrix& table, std::size_t size,
+                                        const std::string& field) {
+  const bool row = table.rows == 1 && static_cast<std::size_t>(table.columns) == size;
+  const bool column = table.columns == 1 && static_cast<std::size_t>(table.rows) == size;
+  if (!row && !column) {
+    return unexpected(invalid(field, std::to_string(table.rows) + " x " + std::to_string(table.columns),
+                              "must have " + std::to_string(size) + " entries"));
+  }
+  std::vector<double> values(size, 0.0);
+  for (std::size_t k = 0; k < table.entries.values.size(); ++k)
+    values[static_cast<std::size_t>(std::max(table.entries.rows[k], table.entries.columns[k]))] =
+        table.entries.values[k];
+  return values;
+}
+
 Expected<std::vector<double>> read_vector(const TableReader& read, const char* name, std::size_t size) {
   const auto table = read(name);
   if (!table) return unexpected(table.error());

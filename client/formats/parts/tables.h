@@ -3,12 +3,21 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "marble/problem_file.h"
-#include "parts/lcqpow_problem.h"
 
 namespace marble::formats {
+
+/// A matrix, or a vector as one of its rows or columns. The creator has checked that entries lie within it.
+struct TableMatrix {
+  Index rows = 0, columns = 0;
+  Triplets entries = {};
+};
+
+/// Returns the table with that name; nothing if there is none.
+using TableReader = std::function<Expected<std::optional<TableMatrix>>(const char* name)>;
 
 /// Assembles Q, A, C, L, R, and the vectors g, b, d, l, r, c0 and x0, by their names in the JSON format. Q
 /// and g are required; absent parts are empty, absent vectors of present parts zero.

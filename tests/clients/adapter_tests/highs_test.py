@@ -15,6 +15,7 @@ import numpy as np
 
 import marble
 from marble import __main__ as program
+from marble.base import bounded_process
 from marble.model import highs_file
 
 MPS = """NAME qp
@@ -136,7 +137,7 @@ class Highs(unittest.TestCase):
                 marble.Problem.load(self.file("changed.mps", text))
 
     def test_a_file_may_not_ask_for_more_than_its_length_allows(self):
-        with mock.patch.object(highs_file, "_MOST_BYTES", 100), \
+        with mock.patch.object(bounded_process, "MOST_BYTES", 100), \
                 self.assertRaisesRegex(marble.InvalidProblem, "must have at most 100 bytes"):
             marble.Problem.load(self.file("long.mps", MPS))
         # A reader that dies, as by its limits, is an error and not the end of this process.
@@ -147,7 +148,8 @@ class Highs(unittest.TestCase):
             def instead(command, how=how, real=real, **words):
                 return real([sys.executable, "-c", how], **words)
 
-            with mock.patch.object(highs_file.subprocess, "run", instead), mock.patch.object(highs_file, "_SECONDS", 0.5), \
+            with mock.patch.object(bounded_process.subprocess, "run", instead), \
+                    mock.patch.object(bounded_process, "_SECONDS", 0.5), \
                     self.assertRaisesRegex(marble.InvalidProblem, said):
                 marble.Problem.load(self.file("model.mps", MPS))
 

@@ -1,14 +1,15 @@
-"""python -m marble demo | solve FILE… | info | server."""
+"""python -m marble demo | solve FILE… | convert IN OUT | info | server."""
 
 from __future__ import annotations
 
 import argparse
 import os
+import pathlib
 import sys
 from collections.abc import Sequence
 from typing import Any
 
-from marble import drawing, flights, programs, robots
+from marble import drawing, flights, mat, programs, robots
 from marble.base.tables import DEFAULT_ADDRESS
 from marble.client import Client
 from marble.errors import Error, InvalidArgument
@@ -80,11 +81,15 @@ def _demo(client: Client, arguments: argparse.Namespace) -> int:
     return _SOLVED if answer.solved else _NOT_SOLVED
 
 
+def _load(path: str) -> Problem:
+    return mat.load(path) if pathlib.Path(path).suffix == ".mat" else Problem.load(path)
+
+
 def _solve(client: Client, arguments: argparse.Namespace) -> int:
     code = _SOLVED
     for path in arguments.files:
         try:
-            problem = Problem.load(path)
+            problem = _load(path)
         except (OSError, InvalidArgument) as error:
             print(f"marble: {path}: {error}", file=sys.stderr)
             code = max(code, _USAGE)
@@ -93,6 +98,22 @@ def _solve(client: Client, arguments: argparse.Namespace) -> int:
         print(answer.replaced(objective=0 - answer.objective, bound=0 - answer.bound) if problem.negated else answer)
         code = max(code, _SOLVED if answer.solved else _NOT_SOLVED)
     return code
+
+
+def _convert(arguments: argparse.Namespace) -> int:
+    path = arguments.input
+    try:
+        problem = _load(path)
+        path = arguments.output
+        if pathlib.Path(path).suffix != ".json":
+            raise InvalidArgument("", "must end in .json, which `marble convert` converts to other formats")
+        if problem.negated:
+            print(f"marble: {path}: is a maximum: its negative is minimized", file=sys.stderr)
+        problem.save(path)
+    except (OSError, InvalidArgument) as error:
+        print(f"marble: {path}: {error}", file=sys.stderr)
+        return _USAGE
+    return _SOLVED
 
 
 def _info(client: Client, _: argparse.Namespace) -> int:
@@ -120,12 +141,16 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("picture", nargs="?", help="the file to draw into, NAME.png; of the hopper and of the nonlinear "
                                                  "ones .gif is an animation")
     demo.set_defaults(run=_demo)
-    solve = commands.add_parser("solve", help="solve problem files: JSON, and with highspy MPS, QPS and LP")
+    solve = commands.add_parser("solve", help="solve problem files: JSON, .mat, and with highspy MPS, QPS and LP")
     solve.add_argument("files", nargs="+", metavar="FILE")
     solve.add_argument("--option", action="append", default=[], metavar="NAME=VALUE", help="a solver option")
     solve.set_defaults(run=_solve)
     for command in (demo, solve):
         command.add_argument("--progress", action="store_true", help="show progress")
+    convert = commands.add_parser("convert", help="convert a problem file that solve reads to JSON; without a server")
+    convert.add_argument("input", metavar="IN", help="problem.mat (LCQPow's names; of MATLAB 7.3 with h5py), …")
+    convert.add_argument("output", metavar="OUT", help="problem.json")
+    convert.set_defaults(run=_convert)
     commands.add_parser("info", help="what the server is").set_defaults(run=_info)
     commands.add_parser("server", add_help=False, help="run a marble-server; its own arguments follow")
     return parser
@@ -138,6 +163,8 @@ def main(texts: Sequence[str] | None = None) -> int:
         if words[:1] == ["server"]:
             programs.run("marble-server", words[1:])
         arguments = _parser().parse_args(words)
+        if arguments.run is _convert:
+            return _convert(arguments)
         with Client(arguments.server) as client:
             code: int = arguments.run(client, arguments)
             return code

@@ -117,7 +117,7 @@ class Aborted(Error):
 
 
 class Unavailable(Error, ConnectionError):
-    """The server cannot be reached, is draining, or is no Marble server.
+    """The server cannot be reached, is draining, or is no Marble server; or a package that a call needs is missing.
 
     lost: whether another try may find one, as of a server that is restarted; not of one that does not know the call.
     """

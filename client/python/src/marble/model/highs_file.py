@@ -1,7 +1,4 @@
-"""Problems of MPS, QPS and LP files. HiGHS reads them (package highspy), in a process of its own.
-
-What a file says is foreign text for a parser in C++: the process may take memory and time in proportion to its length.
-"""
+"""Problems of MPS, QPS and LP files. HiGHS reads them (package highspy), in a process of its own."""
 
 from __future__ import annotations
 
@@ -10,20 +7,16 @@ import importlib.util
 import io
 import os
 import pathlib
-import resource
-import subprocess
 import sys
 import tempfile
 from typing import Any, Final
 
 import numpy as np
 
+from marble.base import bounded_process
 from marble.errors import Error, InvalidProblem
 
 ENDINGS: Final = {".mps": ".mps", ".qps": ".mps", ".lp": ".lp"}  # and by which HiGHS knows the format
-_MOST_BYTES: Final = 1 << 30
-_BYTES_OF_HIGHS, _BYTES_A_BYTE = 2 << 30, 100  # of address space
-_SECONDS, _BYTES_A_SECOND = 60, 1 << 20
 _PARTS: Final = ("cost", "offset", "maximize", "low", "high", "row_low", "row_high", "starts", "rows", "values",
                  "hessian_starts", "hessian_rows", "hessian_values", "discrete", "names")
 _NO_MODULE, _REFUSED, _TOO_LARGE = 3, 4, 5  # exit codes
@@ -37,19 +30,12 @@ def is_one(path: str | os.PathLike[str]) -> bool:
 def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     """The parts of the model, as arrays by name. InvalidProblem says what is wrong, OSError that it cannot be read."""
     path = pathlib.Path(path).resolve()
-    with path.open("rb"):
-        size = path.stat().st_size
-    if size > _MOST_BYTES:
-        raise InvalidProblem("", f"must have at most {_MOST_BYTES} bytes", value=f"{size} bytes")
     if importlib.util.find_spec("highspy") is None:
         raise InvalidProblem("", "needs the package highspy to be read: pip install highspy")
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
-    seconds = _SECONDS + size // _BYTES_A_SECOND
     try:
-        done = subprocess.run([sys.executable, "-m", __name__, str(path)], env=environment, capture_output=True,
-                              timeout=2 * seconds, check=False)
-    except subprocess.TimeoutExpired:
-        raise InvalidProblem("", f"takes more than {2 * seconds} s to be read") from None
+        done = bounded_process.run(__name__, path)
+    except bounded_process.Failed as error:
+        raise InvalidProblem("", str(error)) from None
     if done.returncode != 0:
         said = done.stderr.decode(errors="replace").strip().splitlines() or ["the reader ended without a word"]
         known = done.returncode in (_NO_MODULE, _REFUSED, _TOO_LARGE)
@@ -66,13 +52,6 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     if discrete.size:
         raise InvalidProblem(f"variable {found['names'][discrete[0]]}", "must be continuous: an LCQP's are")
     return found
-
-
-def _limit(size: int) -> None:
-    for what, most in ((resource.RLIMIT_AS, _BYTES_OF_HIGHS + _BYTES_A_BYTE * size),
-                       (resource.RLIMIT_CPU, _SECONDS + size // _BYTES_A_SECOND), (resource.RLIMIT_CORE, 0)):
-        hard = resource.getrlimit(what)[1]
-        resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
 
 def _parts(model: Any, continuous: Any, triangular: Any, maximize: Any) -> dict[str, Any]:
@@ -109,7 +88,7 @@ def _read_here(path: str) -> int:
     except ImportError as error:
         print(error, file=sys.stderr)
         return _NO_MODULE
-    _limit(os.stat(path).st_size)
+    bounded_process.limit(os.stat(path).st_size)
     out = os.dup(1)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # HiGHS says who it is
     with tempfile.TemporaryDirectory() as folder:
