@@ -4,7 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "path/run.h"
+#include "run/run.h"
 
 namespace marble::load {
 

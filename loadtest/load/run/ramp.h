@@ -3,8 +3,8 @@
 
 #include <functional>
 
-#include "path/run.h"
 #include "plan/objective.h"
+#include "run/run.h"
 
 namespace marble::load {
 

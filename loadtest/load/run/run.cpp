@@ -1,4 +1,4 @@
-#include "path/run.h"
+#include "run/run.h"
 
 #include <algorithm>
 #include <atomic>
