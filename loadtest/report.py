@@ -1,15 +1,13 @@
 #!/usr/bin/python3
 """Makes one report of what loadtest/run measured.
 
-Usage: loadtest/report.py FOLDER    reads its .json and .html, writes report.md, report.json, report.html, *.svg
+Usage: loadtest/report.py FOLDER    reads its .json, writes report.md, with its .svg of loadtest/plot, and report.json
 """
 
 import bisect
-import html
 import json
 import pathlib
 import random
-import re
 import sys
 
 
@@ -105,21 +103,6 @@ def table(findings):
     return "\n".join(lines)
 
 
-def pieces(page):
-    """The style and the plots of a page of marble-load."""
-    return re.search(r"<style>(.*?)</style>", page, re.S).group(1), re.findall(r"<svg .*?</svg>", page, re.S)
-
-
-def standalone(style, svg):
-    """A plot as a file of its own, on its own background."""
-    attributes = '<svg xmlns="http://www.w3.org/2000/svg" width="760" height="360" '
-    rules = style.replace(":root", "svg").replace("body {", ".none {").replace("margin: 1rem 0;", "")
-    back = '<rect width="100%" height="100%" fill="var(--back)"/>'
-    svg = svg.replace("<svg ", attributes, 1)
-    head, rest = svg.split(">", 1)
-    return f"{head}><style>{rules}</style>{back}{rest}\n"
-
-
 def main():
     if len(sys.argv) != 2 or sys.argv[1] in ("--help", "-h"):
         print(__doc__)
@@ -135,34 +118,16 @@ def main():
     machine = capacity["machine"]
     about = (f"{machine['cores']} cores, {machine['processor']}, {machine['memory_bytes'] / 2**30:.0f} GiB, "
              f"{machine['system']}; server and load on this machine, two workers.")
-    plots, style = [], ""
-    for name, wanted, title in (("steady", 2, "70 % of capacity, Poisson arrivals"), ("ticks", 1, "70 % of capacity, even arrivals"),
-                                ("overload", 1, "200 % of capacity, a tenth of it realtime"),
-                                ("ramp", 2, "Which rate holds p95 = 3 × the median solve")):
-        path = folder / f"{name}.html"
-        if not path.exists():
-            continue
-        style, svgs = pieces(path.read_text(encoding="utf-8"))
-        for number, svg in enumerate(svgs[:wanted], 1):
-            (folder / f"{name}-{number}.svg").write_text(standalone(style, svg), encoding="utf-8")
-            plots.append(f"<h2>{title}</h2>\n{svg}" if number == 1 else svg)
+    titles = {"steady": "70 % of capacity, Poisson arrivals", "ticks": "70 % of capacity, even arrivals",
+              "overload": "200 % of capacity, a tenth of it realtime", "ramp": "Which rate holds p95 = 3 × the median solve"}
+    plots = "".join(f"\n![{title}]({name}.svg)\n" for name, title in titles.items() if (folder / f"{name}.svg").exists())
     details = "\n".join(f"- {f['name']}: {f['detail']}" for f in findings)
-    text = f"# Marble: remote solves and load\n\n{about}\n\n{table(findings)}\n\n## Details\n\n{details}\n"
+    text = f"# Marble: remote solves and load\n\n{about}\n\n{table(findings)}\n\n## Details\n\n{details}\n{plots}"
     (folder / "report.md").write_text(text, encoding="utf-8")
     (folder / "report.json").write_text(json.dumps({"machine": machine, "findings": findings}, indent=1) + "\n",
                                         encoding="utf-8")
-    rows = "".join(
-        f"<tr><td>{html.escape(f['name'])}</td><td>{f['value']:.4g}</td><td>{'≤' if f['at_most'] else '≥'} "
-        f"{f['limit']:g}</td><td>{'holds' if f['holds'] else '<b>missed</b>'}</td><td>{html.escape(f['detail'])}</td></tr>\n"
-        for f in findings)
-    page = (f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>Marble under load</title>\n'
-            f"<style>{style}\ntable {{ border-collapse: collapse; }} td, th {{ text-align: left; padding: .3rem .6rem; "
-            f"border-bottom: 1px solid var(--faint); }}</style>\n</head>\n<body>\n<h1>Marble under load</h1>\n"
-            f"<p>{html.escape(about)}</p>\n<table>\n<tr><th>figure</th><th>measured</th><th>promised</th><th></th>"
-            f"<th>from</th></tr>\n{rows}</table>\n{''.join(plots)}\n</body>\n</html>\n")
-    (folder / "report.html").write_text(page, encoding="utf-8")
     print(table(findings))
-    print(f"\n{folder}/report.html, report.md, report.json")
+    print(f"\n{folder}/report.md, report.json")
 
 
 main()

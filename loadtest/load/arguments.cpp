@@ -94,8 +94,7 @@ void add_measurement(CLI::App& command, Arguments& a) {
   command.add_option("--allow", a.allowed,
                      "an error code that is no failure, as resource_exhausted; repeatable");
   command.add_flag("--json", a.json, "one JSON object on standard output instead of the table");
-  command.add_option("--json-file", a.json_file, "write the JSON there as well");
-  command.add_option("--html", a.html_file, "write a page with plots there");
+  command.add_option("--json-file", a.json_file, "write the JSON there as well; loadtest/plot draws it");
   command.add_flag("--quiet", a.quiet, "no line a second on standard error");
 }
 

@@ -25,7 +25,7 @@ struct Arguments {
   std::vector<double> levels;        ///< multiples of the capacity; empty unless it measures overload
   std::vector<std::string> allowed;  ///< error codes that do not count as failures
   bool json = false, quiet = false;
-  std::string json_file, html_file, csv_file;
+  std::string json_file, csv_file;
   std::string command;  ///< the original command
 };
 

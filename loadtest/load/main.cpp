@@ -58,8 +58,7 @@ template <class Report>
 int report(const Arguments& a, const Report& report, int exit_code) {
   const std::string json = report.json().dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
   std::cout << (a.json ? json : report.text()) << std::flush;
-  const bool written = write(a.json_file, json) && (a.html_file.empty() || write(a.html_file, report.html()));
-  return written ? exit_code : kBadInput;
+  return write(a.json_file, json) ? exit_code : kBadInput;
 }
 
 int run_program(Arguments& a) {
@@ -95,7 +94,6 @@ int run_program(Arguments& a) {
       const Objective& objective;
       [[nodiscard]] std::string text() const { return text_report(subject, result, objective); }
       [[nodiscard]] Json json() const { return json_report(subject, result, objective); }
-      [[nodiscard]] std::string html() const { return html_report(subject, result, objective); }
     };
     return report(a, Report{subject, *result, a.ramp.objective},
                   result->best_rate_per_s > 0.0 ? kGood : kFailures);
@@ -111,7 +109,6 @@ int run_program(Arguments& a) {
       const OverloadResult& result;
       [[nodiscard]] std::string text() const { return text_report(subject, result); }
       [[nodiscard]] Json json() const { return json_report(subject, result); }
-      [[nodiscard]] std::string html() const { return html_report(subject, result.steps.back().result); }
     };
     if (result->steps.empty()) return kFailures;  // interrupted, or no results
     std::uint64_t failed = 0;
@@ -127,7 +124,6 @@ int run_program(Arguments& a) {
     const RunResult& result;
     [[nodiscard]] std::string text() const { return text_report(subject, result); }
     [[nodiscard]] Json json() const { return json_report(subject, result); }
-    [[nodiscard]] std::string html() const { return html_report(subject, result); }
   };
   return report(a, Report{subject, *result}, failures(*result, a.allowed) == 0 ? kGood : kFailures);
 }

@@ -46,10 +46,8 @@ Outcome load(std::vector<std::string> arguments) { return LoadRun(std::move(argu
 
 class Load : public ::testing::Test {
  protected:
-  std::vector<std::string> arguments(std::vector<std::string> first,
-                                     const std::vector<std::string>& more = {}) {
+  std::vector<std::string> arguments(std::vector<std::string> first) {
     first.insert(first.end(), {"--server", server_.address(), "--quiet", "--json"});
-    first.insert(first.end(), more.begin(), more.end());
     return first;
   }
   ServerInfo info() { return Client::connect(server_.address())->info().value(); }
@@ -147,13 +145,13 @@ TEST_F(Load, ARampFindsARateBetweenOneThatHoldsAndOneThatDoesNot) {
   // ms.
   ServerProcess one(MARBLE_SERVER_BINARY, {"--workers", "1"});
   const TemporaryDirectory folder;
-  const Outcome outcome = load({"ramp",        "--server",  one.address(),
-                                "--quiet",     "--json",    "--problem",
-                                "hopper",      "--size",    "10",
-                                "--objective", "p90=200ms", "--rate",
-                                "20",          "--warm-up", "0.1",
-                                "--duration",  "0.5",       "--precision",
-                                "0.5",         "--html",    folder.file("ramp.html")});
+  const Outcome outcome = load({"ramp",        "--server",    one.address(),
+                                "--quiet",     "--json",      "--problem",
+                                "hopper",      "--size",      "10",
+                                "--objective", "p90=200ms",   "--rate",
+                                "20",          "--warm-up",   "0.1",
+                                "--duration",  "0.5",         "--precision",
+                                "0.5",         "--json-file", folder.file("ramp.json")});
   ASSERT_THAT(outcome.exit_code, AnyOf(0, 1)) << outcome.output;
   const Json json = outcome.json();
   EXPECT_EQ(json.at("kind"), "ramp");
@@ -161,12 +159,12 @@ TEST_F(Load, ARampFindsARateBetweenOneThatHoldsAndOneThatDoesNot) {
   double least_failing = 1e9;
   for (const Json& step : json.at("steps")) {
     EXPECT_EQ(step.at("holds").get<bool>(), step.at("why_not") == "");
+    EXPECT_EQ(step.at("latency_s"), step.at("run").at("total").at("latency").at("p90_s"));
     if (!step.at("holds").get<bool>())
       least_failing = std::min(least_failing, step.at("rate_per_s").get<double>());
   }
   EXPECT_LT(best, least_failing);
-  const std::string page = read_file(folder.file("ramp.html"));
-  EXPECT_THAT(page, HasSubstr("Throughput against offered load"));
+  EXPECT_EQ(read_file(folder.file("ramp.json")), outcome.output);
 }
 
 TEST_F(Load, OverloadMeasuresTheCapacityAndWhatArrivesInTimeBeyondIt) {
@@ -240,16 +238,25 @@ TEST_F(Load, JsonHasEveryKeyThatItsSchemaPromises) {
   EXPECT_GT(run.at("load_cpu_s"), 0.0);
 }
 
-TEST_F(Load, ThePageNeedsNoOtherHostAndNoScript) {
-  const TemporaryDirectory folder;
-  const Outcome outcome = load(arguments({"closed", "--problem", "jr1", "--warm-up", "0", "--count", "100"},
-                                         {"--html", folder.file("report.html")}));
+// The points of a plot: the last is the slowest of all answers.
+TEST_F(Load, CumulativeDistributionsAscendToAllAnswersAndAreThin) {
+  const Outcome outcome =
+      load(arguments({"closed", "--problem", "jr1", "--clients", "2", "--warm-up", "0", "--count", "3000"}));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
-  const std::string page = read_file(folder.file("report.html"));
-  for (const char* forbidden : {"http:", "https:", "src=", "href=", "<script", "@import", "url("})
-    EXPECT_EQ(page.find(forbidden), std::string::npos) << forbidden;
-  for (const char* plot : {"Latency: the part of the answers within a time", "Latency over time"})
-    EXPECT_THAT(page, HasSubstr(plot));
+  const Json total = outcome.json().at("run").at("total");
+  for (const char* name : {"latency", "server_queue", "server_solve", "outside_server"}) {
+    const Json& distribution = total.at(name);
+    const Json& points = distribution.at("cumulative");
+    ASSERT_FALSE(points.empty()) << name;
+    EXPECT_LE(points.size(), 200U) << name;  // 50 for each of the 3.5 nines of 3000
+    for (std::size_t i = 1; i < points.size(); ++i) {
+      EXPECT_LT(points[i - 1][0], points[i][0]) << name;
+      EXPECT_LT(points[i - 1][1], points[i][1]) << name;
+    }
+    EXPECT_EQ(points.back()[0], distribution.at("most_s")) << name;
+    EXPECT_EQ(points.back()[1], 1.0) << name;
+  }
+  EXPECT_GE(total.at("latency").at("cumulative").size(), 20U);
 }
 
 TEST_F(Load, AnInterruptEndsEarlyWithTheReportSoFar) {

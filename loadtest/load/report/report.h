@@ -1,4 +1,4 @@
-// Reports the results of a run: a table for people, JSON for programs, a page with plots.
+// Reports the results of a run: a table for people, JSON for programs and for loadtest/plot.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -38,10 +38,5 @@ using Json = nlohmann::ordered_json;
 [[nodiscard]] Json json_report(const Subject& subject, const RunResult& result);
 [[nodiscard]] Json json_report(const Subject& subject, const RampResult& result, const Objective& objective);
 [[nodiscard]] Json json_report(const Subject& subject, const OverloadResult& result);
-
-/// Returns one self-contained HTML file with plots as SVG, light or dark as the reader's browser prefers.
-[[nodiscard]] std::string html_report(const Subject& subject, const RunResult& result);
-[[nodiscard]] std::string html_report(const Subject& subject, const RampResult& result,
-                                      const Objective& objective);
 
 }  // namespace marble::load

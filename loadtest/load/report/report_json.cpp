@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <cmath>
+
 #include "report/report.h"
 
 namespace marble::load {
@@ -32,6 +35,30 @@ Json entry_json(const EntryTally& tally) {
           {"server_solve", distribution(tally.solve)},
           {"outside_server", distribution(tally.outside)},
           {"errors_after", distribution(tally.refusal)}};
+}
+
+// For plots: points [seconds, part of all values up to them] at even distances on an axis of nines (0, 90 %,
+// 99 %, ...), so that the tail is as fine as the rest, and at most some 450.
+Json cumulative(const Histogram& h) {
+  constexpr double kPointsPerNine = 50.0, kMostNines = 9.0;
+  Json points = Json::array();
+  double next = 0.0;
+  for (const Histogram::Step& step : h.steps()) {
+    const double nines = std::min(kMostNines, -std::log10(std::max(1e-12, 1.0 - step.part)));
+    if (nines < next && step.part < 1.0) continue;
+    next = nines + 1.0 / kPointsPerNine;
+    points.push_back(Json::array({s(step.value), step.part}));
+  }
+  return points;
+}
+
+Json total_json(const EntryTally& sum) {
+  Json json = entry_json(sum);
+  json["latency"]["cumulative"] = cumulative(sum.latency);
+  json["server_queue"]["cumulative"] = cumulative(sum.queue);
+  json["server_solve"]["cumulative"] = cumulative(sum.solve);
+  json["outside_server"]["cumulative"] = cumulative(sum.outside);
+  return json;
 }
 
 Json plan_json(const Plan& plan) {
@@ -97,7 +124,7 @@ Json run_json(const Subject& subject, const RunResult& r) {
           {"lagged", r.lagged},
           {"in_flight_limit_reached", r.in_flight_limit},
           {"lag", distribution(r.tally.lag)},
-          {"total", entry_json(r.tally.sum())},
+          {"total", total_json(r.tally.sum())},
           {"entries", std::move(entries)},
           {"error_messages", r.tally.messages},
           {"server_counters", counters_json(r.before, r.after)},
@@ -152,6 +179,7 @@ Json json_report(const Subject& subject, const RampResult& result, const Objecti
     json["steps"].push_back({{"rate_per_s", step.rate_per_s},
                              {"holds", step.holds},
                              {"why_not", step.why_not},
+                             {"latency_s", s(step.result.tally.sum().latency.quantile(objective.part))},
                              {"run", run_json(subject, step.result)}});
   }
   return json;
