@@ -89,6 +89,13 @@ bool BranchSearch::find(Run& run, ConstVectorRef initial_z, Stage& stage) {
   return true;
 }
 
+bool BranchSearch::search_beside_segments(Run& run, ConstVectorRef initial_z) {
+  const Run::Polishing polishing(run);
+  from_soft_start(run, initial_z, run.factorizations + options_.max_local_search_factorizations, false,
+                  incumbent_.best().objective);
+  return true;
+}
+
 bool BranchSearch::from_interior(Run& run, ConstVectorRef initial_z, Stage& stage) {
   const Stage from = std::exchange(stage, Stage::beginning);
   if (problem_.pairs() == 0) return false;
@@ -109,10 +116,12 @@ bool BranchSearch::from_interior(Run& run, ConstVectorRef initial_z, Stage& stag
   return found;
 }
 
-void BranchSearch::from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization, bool resumes) {
+void BranchSearch::from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization, bool resumes,
+                                   double cutoff) {
   const Run::Searching searching(run);
   SearchPlan plan = from_soft();
   plan.resumes = resumes;
+  plan.cutoff = cutoff;
   if (!resumes) {
     path_.lean(run, initial_z, tuning::soft_rho);
     point_.start_from_point(path_.iterate().z());

@@ -46,6 +46,9 @@ class BranchSearch {
     Stage stage = Stage::beginning;
     return find(run, initial_z, stage);
   }
+  /// Searches for a better branch beside an incumbent that solves by segments have found: from a soft start
+  /// alone, as long as that may still end below the incumbent. Returns true as above.
+  bool search_beside_segments(Run& run, ConstVectorRef initial_z);
   /// Runs a few further starts, as long as they gain, if a soft start came first and was cheap.
   void repeat_soft_start(Run& run, bool after_soft_start);
   /// Searches from the end of a penalty homotopy, if that applies, with at most as many factorizations as the
@@ -69,7 +72,8 @@ class BranchSearch {
   void prepare(Run& run, const Iterate& solution);
 
  private:
-  void from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization, bool resumes = false);
+  void from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization, bool resumes = false,
+                       double cutoff = std::numeric_limits<double>::infinity());
   int repeat(Run& run, int first, int most_factorizations);
   [[nodiscard]] bool from_interior(Run& run, ConstVectorRef initial_z, Stage& stage);
 

@@ -60,6 +60,7 @@ bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) 
     } while (rho >= plan.rho_exchange && accepted_ > before && !lost_ && !run.interrupted() &&
              run.factorizations < last_factorization);
     if (last || lost_) return !lost_;
+    if (first && elastic_.objective() > plan.cutoff) return false;
     if (run.interrupted()) return false;
     first = rows_hold = false;
   }

@@ -24,8 +24,9 @@ struct SearchPlan {
   double rho_soft = 0.0;  ///< switches are searched at the first ρ, up to this one, and at the last
   double rho_exchange = std::numeric_limits<double>::infinity();  ///< exchanges are searched from this ρ on
   bool from_exact = false;  ///< the point is the exact solution of its branch, not only near it
-  bool resumes = false;    ///< continues at the ρ and with the anchor of the last run, which was interrupted
-  int first_patience = 0;  ///< consecutive switches that may fail at the first ρ
+  bool resumes = false;  ///< continues at the ρ and with the anchor of the last run, which was interrupted
+  double cutoff = std::numeric_limits<double>::infinity();  ///< scaled; see run()
+  int first_patience = 0;     ///< consecutive switches that may fail at the first ρ
   int switch_patience = 0;    ///< the same at later ones
   int exchange_patience = 0;  ///< consecutive exchanges of two pairs that may fail
 };
@@ -35,7 +36,8 @@ class LocalSearch {
   LocalSearch(const ScaledProblem& problem, Kkt& kkt, ElasticRelaxation& elastic);
 
   /// Searches from the branch and the point of `elastic`, up to the run's given count of factorizations, and
-  /// leaves `elastic` at the best elastic optimum found, for the last ρ. Returns false if there is none.
+  /// leaves `elastic` at the best elastic optimum found, for the last ρ. Returns false if there is none, or
+  /// if the search at some ρ ends above the plan's cutoff: a higher ρ raises the elastic optimum of a branch.
   [[nodiscard]] bool run(Run& run, const SearchPlan& plan, int last_factorization);
   /// Returns the number of pairs of an exact solution whose fixed side has a wrong-sign multiplier: the
   /// candidates of a search.

@@ -369,5 +369,25 @@ TEST(LocalSearch, ARunBeforeLeavesNoTrace) {
   EXPECT_EQ(s.run.factorizations - before, factorizations);
 }
 
+TEST(LocalSearch, EndsAfterTheFirstRhoAboveItsCutoff) {
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    Search whole(problem(seed));
+    whole.choose(0);
+    if (!whole.engine.run(whole.run, from_soft(), kNoLimit)) continue;
+    SearchPlan plan = from_soft();
+    plan.cutoff = -kNever;
+    Search cut(problem(seed));
+    cut.choose(0);
+    EXPECT_FALSE(cut.engine.run(cut.run, plan, kNoLimit)) << seed;
+    EXPECT_EQ(cut.branch.elastic.rho(), plan.rho_first) << seed;
+    EXPECT_LE(cut.run.factorizations, whole.run.factorizations) << seed;
+    plan.cutoff = kNever;
+    Search uncut(problem(seed));
+    uncut.choose(0);
+    ASSERT_TRUE(uncut.engine.run(uncut.run, plan, kNoLimit)) << seed;
+    EXPECT_EQ(uncut.run.factorizations, whole.run.factorizations) << seed;
+  }
+}
+
 }  // namespace
 }  // namespace marble
