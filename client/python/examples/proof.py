@@ -23,4 +23,5 @@ with marble.Client() as client:
             ended = True
     answer = client.jobs.result(job.job_id)
     print(f"{answer.status.value}: objective {answer.objective:.6f}, at most {answer.objective - answer.bound:.1e} "
-          f"above the optimum; {'proved' if answer.proved else 'not proved'} to {answer.options['relative_gap_tolerance']:g}")
+          f"above the optimum; {'proved' if answer.proved else 'not proved'} "
+          f"to {answer.options['relative_gap_tolerance']:g}")

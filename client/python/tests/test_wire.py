@@ -76,8 +76,8 @@ def test_what_a_tree_does_not_know_is_infinite_and_what_it_knows_comes_as_it_was
 
 
 # What Python leaves out of a message, or has in another class.
-ELSEWHERE = {"Solution": {"coupled", "scenarios"}, "Progress": {"level", "scenarios"}, "CoupledOutcome": {"coupling_multipliers"},
-             "JobEvent": {"pairs"}}
+ELSEWHERE = {"Solution": {"coupled", "scenarios"}, "Progress": {"level", "scenarios"},
+             "CoupledOutcome": {"coupling_multipliers"}, "JobEvent": {"pairs"}}
 
 
 @pytest.mark.parametrize(("kind", "message"), [

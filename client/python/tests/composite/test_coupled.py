@@ -50,7 +50,8 @@ def test_blocks_share_what_there_is_at_one_price(client):
 
 
 def test_a_block_that_no_row_sees_and_a_start_at_the_coupling_multipliers_are_taken(client):
-    answer = client.coupled([arm(3.0), arm(2.0)], [FORCE, None], [1.0], coupling_multipliers=[2.0], options={"max_iterations": 50})
+    answer = client.coupled([arm(3.0), arm(2.0)], [FORCE, None], [1.0], coupling_multipliers=[2.0],
+                            options={"max_iterations": 50})
     np.testing.assert_allclose([z[0] for z in answer.z], [1.0, 2.0], atol=1e-7)
     np.testing.assert_allclose(answer.coupling_multipliers, [2.0], atol=1e-7)
 

@@ -346,7 +346,8 @@ def test_derivatives_of_an_answer_are_differences_of_answers_nearby():
 
     def moved(step):
         parts = {name: getattr(problem, name) + step * by for name, by in direction.items()}
-        return marble.solve(problem.replaced(**parts), server="local", warm_start=answer, max_local_search_factorizations=0)
+        return marble.solve(problem.replaced(**parts), server="local", warm_start=answer,
+                            max_local_search_factorizations=0)
 
     near = [moved(h), moved(-h)]
     for name in ("z", "y", "xi", "eta"):

@@ -104,8 +104,9 @@ class CoupledRequest(Solve[CoupledSolution]):
         call = run.call(checked.blocks[0][0], self.call, self.report)
         values = run.core.solve_coupled(list(checked.blocks), checked.total, checked.coupling_multipliers,
                                         core_options(self.call.options), chosen, run.open_block, call)
-        coordination, coupling_multipliers = records.of_core(Coordination, values.pop("coupled")), np.asarray(values.pop("coupling_multipliers"))
-        return model.solution_of(answers.core_solution(values, None), self._coupled.blocks, coupling_multipliers, coordination)
+        coordination = records.of_core(Coordination, values.pop("coupled"))
+        multipliers = np.asarray(values.pop("coupling_multipliers"))
+        return model.solution_of(answers.core_solution(values, None), self._coupled.blocks, multipliers, coordination)
 
 
 class PiecesRequest(Solve[PiecesSolution]):

@@ -22,8 +22,8 @@ from marble.model.lcqp import LCQP, Vector
 from marble.model.problem import Problem, compiled
 from marble.model.scenarios import Quantity, ScenarioLevel, ScenarioOutcome, Scenarios, ScenarioSolution
 
-SETTINGS: Final = ("initial_sample_size", "growth", "max_sample_size", "tolerance", "min_sample_size", "without_recourse",
-                   "out_of_sample_scenarios")
+SETTINGS: Final = ("initial_sample_size", "growth", "max_sample_size", "tolerance", "min_sample_size",
+                   "without_recourse", "out_of_sample_scenarios")
 
 
 def split(scenarios: Scenarios | None, given: Mapping[str, Any],

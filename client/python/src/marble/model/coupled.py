@@ -86,9 +86,9 @@ class CoupledSolution:
     """The solution of coupled blocks.
 
     status, detail, objective: of the joint problem. z: of each block. coupling_multipliers: multipliers of the
-    rows, m. solution: of the joint problem, all blocks' vectors one after the other, the coupling_multipliers the last of y.
-    coordination: of the blocks. repeated: of blocks in sessions, steps that were repeated because the session or its
-    server was lost.
+    rows, m. solution: of the joint problem, all blocks' vectors one after the other, the coupling_multipliers the last
+    of y. coordination: of the blocks. repeated: of blocks in sessions, steps that were repeated because the session or
+    its server was lost.
     """
 
     status: Status
@@ -127,7 +127,10 @@ def checked(coupled: Coupled) -> Checked:
         lcqp = compiled(block)
         rows = None if coupling is None else matrix(coupling, f"coupling[{k}]", lcqp.g.size, total.size)
         blocks.append((lcqp, rows))
-    return Checked(blocks, total, None if coupled.coupling_multipliers is None else vector(coupled.coupling_multipliers, "coupling_multipliers", total.size))
+    multipliers = coupled.coupling_multipliers
+    if multipliers is not None:
+        multipliers = vector(multipliers, "coupling_multipliers", total.size)
+    return Checked(blocks, total, multipliers)
 
 
 def stages_of(problem: LCQP, pieces: Pieces) -> NDArray[np.integer[Any]]:
@@ -147,5 +150,5 @@ def solution_of(solution: Solution, blocks: Sequence[LCQP | Problem], coupling_m
     if sum(sizes) != solution.z.size:
         raise InvalidArgument("blocks", f"must have {solution.z.size} variables, as the answer has", value=sum(sizes))
     z = tuple(np.split(solution.z, np.cumsum(sizes)[:-1]))
-    return CoupledSolution(solution.status, solution.detail, solution.objective, z, coupling_multipliers, solution, coordination,
-                         solution.job_id)
+    return CoupledSolution(solution.status, solution.detail, solution.objective, z, coupling_multipliers, solution,
+                           coordination, solution.job_id)

@@ -59,10 +59,10 @@ class Scenarios:
     - a list of Quantity: they are drawn by the solver.
 
     seed: of the generators; scenario i is a function of the seed and i alone. weights: of a mapping's scenarios, > 0.
-    initial_sample_size, growth, max_sample_size: levels have N = initial_sample_size · growth^k scenarios up to the most.
-    tolerance: ends when the 95 % interval of the out-of-sample cost is this part of it; 0 never, and not before N is
-    min_sample_size, nor while a larger share of these scenarios than without_recourse is infeasible. out_of_sample_scenarios:
-    in how many out-of-sample scenarios a plan is tried at least.
+    initial_sample_size, growth, max_sample_size: levels have N = initial_sample_size · growth^k scenarios up to the
+    most. tolerance: ends when the 95 % interval of the out-of-sample cost is this part of it; 0 never, and not before N
+    is min_sample_size, nor while a larger share of these scenarios than without_recourse is infeasible.
+    out_of_sample_scenarios: in how many out-of-sample scenarios a plan is tried at least.
     """
 
     first_stage: Sequence[int | str] | NDArray[np.integer[Any]]
@@ -136,7 +136,8 @@ class ScenarioLevel:
 
     level: from 0. scenarios: N, those numbered 0 … N − 1. status, detail, objective: of its LCQP; the objective is the
     mean over the N. variables, pairs, factorizations, seconds, memory_bytes: of its LCQP. warm: it kept the branch of
-    the level before. searched: it was solved cold too. out_of_sample: its plan out of sample; None where that was not tried.
+    the level before. searched: it was solved cold too. out_of_sample: its plan out of sample; None where that was not
+    tried.
     """
 
     level: int

@@ -95,15 +95,15 @@ class Solution:
     objective; violations; kkt_residual: max |Q z + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|.
     stationarity: None where the point is not solved. b_stationary: no feasible direction of descent is left; None
     where that was not decided. second_order: whether the point is a local minimum; None where it is not solved.
-    proved: of option global_search: z is within relative_gap_tolerance of the bound, or a tree ended infeasible; also, without it, of a
-    certificate, and of a small problem whose tree came to its end within max_small_problem_nodes. Where z of option global_search is not
-    proved, detail says why. bound: no feasible point has an objective below it; -inf where none is known, so of what
-    neither option global_search nor max_small_problem_nodes has bounded, inf of a problem that is proved infeasible. gap: (objective -
-    bound) / max(1, |objective|), ≥ 0; inf without a feasible point or a bound. nodes, open_nodes: of the tree of option
-    global_search or max_small_problem_nodes, bounded, and left open at the end. reused_nodes: of a session's last tree, that this one began
-    with instead of the root.
-    iterations, factorizations: counts. times: seconds. options: every option as it was used. reference_objective: what a
-    cold start last reached on the way here. job_id: the server's.
+    proved: of option global_search: z is within relative_gap_tolerance of the bound, or a tree ended infeasible; also,
+    without it, of a certificate, and of a small problem whose tree came to its end within max_small_problem_nodes.
+    Where z of option global_search is not proved, detail says why. bound: no feasible point has an objective below it;
+    -inf where none is known, so of what neither option global_search nor max_small_problem_nodes has bounded, inf of a
+    problem that is proved infeasible. gap: (objective - bound) / max(1, |objective|), ≥ 0; inf without a feasible point
+    or a bound. nodes, open_nodes: of the tree of option global_search or max_small_problem_nodes, bounded, and left
+    open at the end. reused_nodes: of a session's last tree, that this one began with instead of the root.
+    iterations, factorizations: counts. times: seconds. options: every option as it was used. reference_objective: what
+    a cold start last reached on the way here. job_id: the server's.
     problem: what was solved. sensitivity: the derivatives that were requested with the solve; None without.
     conflict: with option explain, the parts that make the problem infeasible; None where it is not proved to be.
     reopened: whether the session was set up again since its last solution because its server was lost: it has started
@@ -271,8 +271,8 @@ class Progress:
     violations: at the iterate. kkt_residual: of the scaled problem. kappa, rho: relaxation and penalty; κ is 0 in a
     local search. step_length: in (0, 1]. regularization, factorizations, elapsed_s: of the solve so far.
     z: the iterate, n, where it was asked for and is there; else empty.
-    incumbent, bound, gap, nodes, open_nodes: of option global_search once its tree has begun, as in Solution, so far; the
-    incumbent is the objective of the best point, inf while there is none. nodes is 0 before a tree.
+    incumbent, bound, gap, nodes, open_nodes: of option global_search once its tree has begun, as in Solution, so far;
+    the incumbent is the objective of the best point, inf while there is none. nodes is 0 before a tree.
     """
 
     iteration: int

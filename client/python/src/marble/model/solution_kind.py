@@ -28,8 +28,8 @@ _BY_STATUS = {
 class SolutionFacts:
     """What the kind of a solution, its text and its advice follow from; second_order as a word, "unknown" without one.
 
-    feasible: the point is within the tolerances. budget_spent: the factorizations have reached max_local_search_factorizations,
-    which says nothing of an answer by segments, as each of them has that budget.
+    feasible: the point is within the tolerances. budget_spent: the factorizations have reached
+    max_local_search_factorizations, which says nothing of an answer by segments, as each of them has that budget.
     starts, global_search: the options num_starts and global_search.
     """
 
