@@ -53,8 +53,8 @@ TEST_F(Explain, FindsTheSameConflictOnAServer) {
   };
   const Json local = conflict("--local"), remote = conflict("--server " + server.address());
   EXPECT_EQ(local, remote);
-  EXPECT_EQ(local["equalities"], Json({0}));
-  EXPECT_EQ(local["inequalities"], Json({0, 1}));
+  EXPECT_EQ(local["equalities"], Json::array({0}));
+  EXPECT_EQ(local["inequalities"], Json::array({0, 1}));
   EXPECT_EQ(local["parts"][2]["name"], "strength");
 }
 
