@@ -16,8 +16,8 @@ import scipy.sparse as sp
 from support import clean_environment, full
 
 import marble
+from marble import Problem, mat
 from marble import __main__ as program
-from marble import mat
 from marble.base import bounded_process
 
 try:
@@ -118,6 +118,7 @@ def test_a_file_of_scipy_is_read_as_the_problem_that_it_holds(tmp_path, words, f
     problem = mat.load(tmp_path / "p.mat")
     expect(problem)
     assert problem.name == "p"
+    expect(Problem.load(tmp_path / "p.mat"))
 
 
 @needs_h5py

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from marble import drawing, flights, mat, programs, robots
+from marble import drawing, flights, programs, robots
 from marble.base.tables import DEFAULT_ADDRESS
 from marble.client import Client
 from marble.errors import Error, InvalidArgument
@@ -81,15 +81,11 @@ def _demo(client: Client, arguments: argparse.Namespace) -> int:
     return _SOLVED if answer.solved else _NOT_SOLVED
 
 
-def _load(path: str) -> Problem:
-    return mat.load(path) if pathlib.Path(path).suffix == ".mat" else Problem.load(path)
-
-
 def _solve(client: Client, arguments: argparse.Namespace) -> int:
     code = _SOLVED
     for path in arguments.files:
         try:
-            problem = _load(path)
+            problem = Problem.load(path)
         except (OSError, InvalidArgument) as error:
             print(f"marble: {path}: {error}", file=sys.stderr)
             code = max(code, _USAGE)
@@ -103,7 +99,7 @@ def _solve(client: Client, arguments: argparse.Namespace) -> int:
 def _convert(arguments: argparse.Namespace) -> int:
     path = arguments.input
     try:
-        problem = _load(path)
+        problem = Problem.load(path)
         path = arguments.output
         if pathlib.Path(path).suffix != ".json":
             raise InvalidArgument("", "must end in .json, which `marble convert` converts to other formats")

@@ -217,9 +217,14 @@ class Problem:
     def load(cls, path: str | os.PathLike[str]) -> Problem:
         """Reads a JSON file as `marble example` writes it; equalities first, then inequalities, become the rows.
 
-        .mps, .qps and .lp are read too, where highspy is installed, with their names and rows. Of a file that maximizes
-        the problem minimizes the negative, and `negated` is True. Raises OSError where there is no file.
+        .mps, .qps and .lp are read too, where highspy is installed, with their names and rows, and .mat by marble.mat.
+        Of a file that maximizes the problem minimizes the negative, and `negated` is True. Raises OSError where there
+        is no file.
         """
+        if pathlib.Path(path).suffix.lower() == ".mat":
+            from marble import mat  # which builds on this class
+
+            return mat.load(path)
         return cls._of_highs(path) if highs_file.is_one(path) else cls.of(problem_file.load(path))
 
     @classmethod
