@@ -4,23 +4,10 @@
 #include <limits>
 #include <utility>
 
-#include "kkt/kkt.h"
 #include "model/tuning.h"
-#include "search/distance.h"
+#include "proof/row_problem.h"
 
 namespace marble {
-namespace {
-
-void append_row(const RowMatrix& from, Index row, RowMatrix& to) {
-  const Index begin = from.row_pointers[row], end = from.row_pointers[row + 1];
-  to.column_indices.insert(to.column_indices.end(), from.column_indices.begin() + begin,
-                           from.column_indices.begin() + end);
-  to.values.insert(to.values.end(), from.values.begin() + begin, from.values.begin() + end);
-  to.row_pointers.push_back(static_cast<Index>(to.column_indices.size()));
-  ++to.rows;
-}
-
-}  // namespace
 
 bool TangentCone::applies(const Images& images, std::span<const Index> biactive) {
   const auto active = (images.rows.inequality().array() <= tuning::zero).count();
@@ -28,29 +15,27 @@ bool TangentCone::applies(const Images& images, std::span<const Index> biactive)
 }
 
 TangentCone::TangentCone(const ScaledProblem& problem, const Images& images, std::span<const Index> biactive)
-    : biactive_(biactive.begin(), biactive.end()), cone_(distance_problem(problem)) {
+    : biactive_(biactive.begin(), biactive.end()), cone_(empty_problem(problem.variables())) {
   const RowLayout& layout = problem.layout;
   const Vector& slacks = images.rows.all;
-  RowMatrix active;
-  active.columns = problem.variables();
-  for (Index row = 0; row < layout.inequalities; ++row) {
-    if (slacks[row] <= tuning::zero) append_row(problem.rows, row, active);
-  }
-  std::vector<std::uint8_t> both(static_cast<std::size_t>(layout.pairs), 0);
-  for (const Index pair : biactive_) {
-    both[static_cast<std::size_t>(pair)] = 1;
-    append_row(problem.rows, layout.s(pair), active);
-    append_row(problem.rows, layout.t(pair), active);
-  }
+  cone_.Q = identity(problem.variables());
+  cone_.A = problem.A;
   for (Index pair = 0; pair < layout.pairs; ++pair) {
-    if (both[static_cast<std::size_t>(pair)] != 0) continue;
+    if (std::ranges::binary_search(biactive_, pair)) continue;
     const bool s = slacks[layout.s(pair)] <= slacks[layout.t(pair)];
     append_row(problem.rows, s ? layout.s(pair) : layout.t(pair), cone_.A);
   }
+  for (Index row = 0; row < layout.inequalities; ++row) {
+    if (slacks[row] <= tuning::zero) append_row(problem.rows, row, cone_.rows);
+  }
+  for (const Index pair : biactive_) {
+    append_row(problem.rows, layout.s(pair), cone_.rows);
+    append_row(problem.rows, layout.t(pair), cone_.rows);
+  }
+  cone_.layout.inequalities = cone_.rows.rows;
   cone_.b.setZero(cone_.A.rows);
-  cone_.rows = std::move(active);
-  cone_.layout = {.inequalities = cone_.rows.rows, .pairs = 0};
   cone_.offset.setZero(cone_.rows.rows);
+  cone_.variable_scale = problem.variable_scale;
   cone_.equality_scale.setOnes(cone_.A.rows);
   cone_.row_scale.setOnes(cone_.rows.rows);
   cone_.g = images.gradient;
@@ -62,8 +47,7 @@ Index TangentCone::row(std::size_t pair, bool s) const {
 }
 
 bool TangentCone::start(Run& run) {
-  KktCost least;
-  kkt_ = make_kkt(cone_, {run.bytes_left, std::numeric_limits<double>::infinity()}, run.interrupt(), least);
+  kkt_ = make_system(cone_, run);
   if (kkt_ == nullptr) return false;
   kkt_->attend(run.interrupt());
   kkt_->load(cone_);
@@ -82,17 +66,18 @@ bool TangentCone::start(Run& run) {
   return true;
 }
 
-// The projection of −g onto the relaxation. The direction is as small as the wrong signs of multipliers that
-// classify() accepts.
+// A direction or a slack this small is zero, as are wrong signs of multipliers that classify() accepts.
+double TangentCone::zero() const { return tuning::zero * (1.0 + max_abs(set_->multipliers())); }
+
+// The projection of −g onto the relaxation.
 TangentCone::Node TangentCone::solve(const Interrupt& interrupt) {
   if (set_->run(std::numeric_limits<double>::infinity(), tuning::tree_steps, interrupt) !=
       DualActiveSet::End::optimal)
     return Node::undecided;
   Vector d = Vector::Zero(cone_.variables()), y = Vector::Zero(cone_.equalities());
   if (!system_->minimize(set_->multipliers(), d, y)) return Node::undecided;
-  const double zero = tuning::zero * (1.0 + max_abs(set_->multipliers()));
-  if (max_abs(d) <= zero) return Node::closed;
-  double widest = zero;
+  if (max_abs(d) <= zero()) return Node::closed;
+  double widest = zero();
   widest_ = biactive_.size();
   for (std::size_t pair = 0; pair < biactive_.size(); ++pair) {
     const double width = std::min(set_->slacks()[row(pair, true)], set_->slacks()[row(pair, false)]);
@@ -137,11 +122,10 @@ TangentCone::End TangentCone::search(Run& run, int most_nodes) {
 }
 
 WorkingSet TangentCone::branch(WorkingSet set) const {
-  const double zero = tuning::zero * (1.0 + max_abs(set_->multipliers()));
   for (std::size_t pair = 0; pair < biactive_.size(); ++pair) {
     const double s = set_->slacks()[row(pair, true)], t = set_->slacks()[row(pair, false)];
     const bool fixed_s = set.s_fixed[biactive_[pair]] != 0;
-    if ((fixed_s ? s : t) > zero) set.fix(biactive_[pair], !fixed_s, false);
+    if ((fixed_s ? s : t) > zero()) set.fix(biactive_[pair], !fixed_s, false);
   }
   return set;
 }

@@ -31,7 +31,7 @@ class TangentCone {
   /// True if the active rows are few enough for dense factors.
   [[nodiscard]] static bool applies(const Images& images, std::span<const Index> biactive);
 
-  /// The cone at a feasible point. Rows within tuning::zero of zero are active.
+  /// The cone at a feasible point. Rows within tuning::zero of zero are active; `biactive` ascends.
   TangentCone(const ScaledProblem& problem, const Images& images, std::span<const Index> biactive);
 
   [[nodiscard]] End search(Run& run, int most_nodes);
@@ -45,6 +45,7 @@ class TangentCone {
   [[nodiscard]] bool start(Run& run);
   [[nodiscard]] Node solve(const Interrupt& interrupt);
   [[nodiscard]] Index row(std::size_t pair, bool s) const;
+  [[nodiscard]] double zero() const;
 
   std::vector<Index> biactive_;
   ScaledProblem cone_;  // ½|d|² + gᵀd; its last rows are the sides s and t of each biactive pair in turn

@@ -8,42 +8,13 @@
 #include "branch/branch_engines.h"
 #include "model/tuning.h"
 #include "path/termination.h"
+#include "proof/row_problem.h"
 
 namespace marble {
 namespace {
 
-void append_row(const RowMatrix& from, Index row, RowMatrix& to) {
-  const auto begin = static_cast<std::ptrdiff_t>(from.row_pointers[row]);
-  const auto end = static_cast<std::ptrdiff_t>(from.row_pointers[row + 1]);
-  to.column_indices.insert(to.column_indices.end(), from.column_indices.begin() + begin,
-                           from.column_indices.begin() + end);
-  to.values.insert(to.values.end(), from.values.begin() + begin, from.values.begin() + end);
-  to.row_pointers.push_back(static_cast<Index>(to.values.size()));
-  ++to.rows;
-}
-
 void append_rows(const RowMatrix& from, RowMatrix& to) {
   for (Index row = 0; row < from.rows; ++row) append_row(from, row, to);
-}
-
-// Returns a problem without cost, rows or pairs.
-ScaledProblem empty_problem(Index variables) {
-  ScaledProblem p;
-  p.Q.size = variables;
-  p.Q.column_pointers.assign(static_cast<std::size_t>(variables) + 1, 0);
-  p.g = Vector::Zero(variables);
-  p.A.columns = p.rows.columns = variables;
-  return p;
-}
-
-// Creates a linear system within the memory that is left to the run beside the problem's copy.
-std::unique_ptr<Kkt> make_system(const ScaledProblem& copy, const Run& run) {
-  const auto entries = static_cast<double>(copy.A.values.size() + copy.rows.values.size());
-  const double vectors =
-      tuning::memory_iterates * (copy.variables() + copy.equalities() + copy.layout.size());
-  const double own = entries * (sizeof(double) + sizeof(Index)) + vectors * sizeof(double);
-  KktCost least;
-  return make_kkt(copy, {run.bytes_left - own, KktCost{}.flops}, run.interrupt(), least);
 }
 
 // Appends all rows of Q, as equalities.
@@ -75,11 +46,7 @@ class Branch {
   Branch(const Branch&) = delete;
   Branch& operator=(const Branch&) = delete;
   Branch(const ScaledProblem& p, const WorkingSet& set, bool flat) : problem_(empty_problem(p.variables())) {
-    for (Index j = 0; j < p.variables(); ++j) {
-      problem_.Q.row_indices.push_back(j);
-      problem_.Q.values.push_back(1.0);
-      problem_.Q.column_pointers[static_cast<std::size_t>(j) + 1] = j + 1;
-    }
+    problem_.Q = identity(p.variables());
     append_rows(p.A, problem_.A);
     std::vector<double> b(p.b.data(), p.b.data() + p.b.size());
     std::vector<double> d;

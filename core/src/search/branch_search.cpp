@@ -89,11 +89,10 @@ bool BranchSearch::find(Run& run, ConstVectorRef initial_z, Stage& stage) {
   return true;
 }
 
-bool BranchSearch::search_beside_segments(Run& run, ConstVectorRef initial_z) {
+void BranchSearch::search_beside_segments(Run& run, ConstVectorRef initial_z) {
   const Run::Polishing polishing(run);
   from_soft_start(run, initial_z, run.factorizations + options_.max_local_search_factorizations, false,
                   incumbent_.best().objective);
-  return true;
 }
 
 bool BranchSearch::from_interior(Run& run, ConstVectorRef initial_z, Stage& stage) {

@@ -47,8 +47,8 @@ class BranchSearch {
     return find(run, initial_z, stage);
   }
   /// Searches for a better branch beside an incumbent that solves by segments have found: from a soft start
-  /// alone, as long as that may still end below the incumbent. Returns true as above.
-  bool search_beside_segments(Run& run, ConstVectorRef initial_z);
+  /// alone, which uses the path, as long as that may still end below the incumbent.
+  void search_beside_segments(Run& run, ConstVectorRef initial_z);
   /// Runs a few further starts, as long as they gain, if a soft start came first and was cheap.
   void repeat_soft_start(Run& run, bool after_soft_start);
   /// Searches from the end of a penalty homotopy, if that applies, with at most as many factorizations as the

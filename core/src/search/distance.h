@@ -1,7 +1,7 @@
 // A problem's rows and pairs without its objective.
 #pragma once
 
-#include "model/scaling.h"
+#include "proof/row_problem.h"
 
 namespace marble {
 
@@ -9,14 +9,7 @@ namespace marble {
 /// its units.
 [[nodiscard]] inline ScaledProblem distance_problem(const ScaledProblem& p) {
   ScaledProblem distance = p;
-  distance.Q = {};
-  distance.Q.size = p.variables();
-  distance.Q.column_pointers.reserve(static_cast<std::size_t>(p.variables()) + 1);
-  for (Index j = 0; j < p.variables(); ++j) {
-    distance.Q.row_indices.push_back(j);
-    distance.Q.values.push_back(1.0);
-    distance.Q.column_pointers.push_back(j + 1);
-  }
+  distance.Q = identity(p.variables());
   distance.g.setZero();
   return distance;
 }

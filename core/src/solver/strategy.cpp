@@ -178,8 +178,8 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z, Stage f
     const bool in_segments = from <= Stage::path && start_in_segments(run, branch);
     if (in_segments) {
       stage_ = Stage::beginning;
-      if (problem_.pairs() < tuning::segmented_alone)
-        path_borrowed = search_.search_beside_segments(run, initial_z);
+      path_borrowed = problem_.pairs() < tuning::segmented_alone;
+      if (path_borrowed) search_.search_beside_segments(run, initial_z);
     } else if (from <= Stage::path && may_have_segments(problem_) && run.interrupted() &&
                !incumbent_.exists()) {
       stage_ = Stage::path;

@@ -1,4 +1,4 @@
-// Small problems get the global answer within max_small_problem_nodes, and nobody else pays for it.
+// Small problems get the global answer within max_small_problem_nodes, and larger ones do not pay for it.
 #include <gtest/gtest.h>
 
 #include <cmath>
