@@ -75,7 +75,7 @@ bool Feasibility::solve_calm(Run& run, ConstVectorRef z, bool user_units) {
   const Vector scale = user_units ? problem_.variable_scale : Vector::Ones(problem_.variables());
   if (user_units) calm = in_user_units(std::move(calm));
   const Vector start = z.cwiseProduct(scale);
-  const std::unique_ptr<Kkt> kkt = make_kkt(calm, run.interrupt());
+  const std::unique_ptr<Kkt> kkt = make_system(calm, run);
   if (kkt == nullptr) return false;
   kkt->attend(run.interrupt());
   PathEngine path(calm, *kkt, options_);
@@ -97,7 +97,6 @@ bool Feasibility::solve_calm(Run& run, ConstVectorRef z, bool user_units) {
 }
 
 PairTree::End Feasibility::search_tree(Run& run, ConstVectorRef z, int last_factorization) {
-  if (!tree_.applies()) return PairTree::End::stopped;
   return tree_.run(run, z, last_factorization, [&](ConstVectorRef point, const WorkingSet& branch) {
     return take(run, point, branch, "tree over the pairs");
   });
@@ -117,6 +116,7 @@ Feasibility::End Feasibility::run(Run& run, ConstVectorRef z) {
   const int begin = run.factorizations;
   int last = begin + options_.max_feasibility_factorizations;
   int half = begin + options_.max_feasibility_factorizations / 2;
+  const double bytes = run.bytes_left;
   auto tree = PairTree::End::stopped;
   auto sets = SetTree::End::stopped;
   const bool found = [&] {
@@ -142,6 +142,7 @@ Feasibility::End Feasibility::run(Run& run, ConstVectorRef z) {
     if (run.factorizations < last && !run.interrupted()) tree = search_tree(run, z, last);
     return tree == PairTree::End::found;
   }();
+  run.bytes_left = bytes;
   factorizations_ = run.factorizations - begin;
   if (found) return incumbent_.exists() ? End::solved : End::feasible;
   const bool refuted = tree == PairTree::End::refuted || sets == SetTree::End::refuted;

@@ -5,29 +5,48 @@
 
 #include "model/tuning.h"
 #include "proof/proof.h"
+#include "proof/row_problem.h"
 
 namespace marble {
 
-// No cost; the rows are [C; L; R], followed by as many empty rows, the other sides of all sides.
-PairTree::PairTree(const ScaledProblem& p) : problem_(p) {
-  const Index n = p.variables();
-  relaxed_.Q.size = n;
-  relaxed_.Q.column_pointers.assign(static_cast<std::size_t>(n) + 1, 0);
-  relaxed_.g = Vector::Zero(n);
-  relaxed_.A = p.A;
-  relaxed_.b = p.b;
-  relaxed_.rows = p.rows;
-  relaxed_.layout = {.inequalities = p.inequalities(), .pairs = 2 * p.pairs()};
-  relaxed_.rows.rows = relaxed_.layout.size();
-  relaxed_.rows.row_pointers.resize(static_cast<std::size_t>(relaxed_.layout.size()) + 1,
-                                    p.rows.row_pointers.back());
-  relaxed_.offset = Vector::Zero(relaxed_.layout.size());
-  relaxed_.offset.head(p.layout.size()) = p.offset;
+namespace {
+
+// Returns the problem of the relaxations. It has no cost. Its rows are [C; L; R], followed by as many empty
+// rows as there are sides: each side forms a pair with 0.
+ScaledProblem relaxation_of(const ScaledProblem& p) {
+  ScaledProblem relaxed = empty_problem(p.variables());
+  relaxed.A = p.A;
+  relaxed.b = p.b;
+  relaxed.rows = p.rows;
+  relaxed.layout = {.inequalities = p.inequalities(), .pairs = 2 * p.pairs()};
+  relaxed.rows.rows = relaxed.layout.size();
+  relaxed.rows.row_pointers.resize(static_cast<std::size_t>(relaxed.layout.size()) + 1,
+                                   p.rows.row_pointers.back());
+  relaxed.offset = Vector::Zero(relaxed.layout.size());
+  relaxed.offset.head(p.layout.size()) = p.offset;
+  return relaxed;
 }
 
-bool PairTree::applies() const {
-  const double numbers = problem_.variables() + problem_.equalities() + 3.0 * relaxed_.layout.size();
-  return sizeof(double) * numbers * problem_.pairs() <= tuning::tree_bytes;
+}  // namespace
+
+PairTree::PairTree(const ScaledProblem& problem) : problem_(problem) {}
+
+double PairTree::fork_bytes() const {
+  const double numbers =
+      problem_.variables() + problem_.equalities() + 3.0 * (problem_.inequalities() + 4.0 * problem_.pairs());
+  return sizeof(double) * numbers * problem_.pairs();
+}
+
+bool PairTree::prepare(Run& run) {
+  if (kkt_ != nullptr) return true;
+  if (fork_bytes() > std::min(tuning::tree_bytes, run.bytes_left)) return false;
+  run.bytes_left -= fork_bytes();
+  relaxed_ = relaxation_of(problem_);
+  kkt_ = make_system(relaxed_, run);
+  if (kkt_ == nullptr) return false;
+  run.bytes_left -= system_bytes(relaxed_, *kkt_);
+  engines_ = std::make_unique<BranchEngines>(relaxed_, *kkt_);
+  return true;
 }
 
 bool PairTree::is_open(Index pair) const {
@@ -101,11 +120,7 @@ bool PairTree::back() {
 }
 
 PairTree::End PairTree::run(Run& run, ConstVectorRef z, int last_factorization, const Accept& accept) {
-  if (kkt_ == nullptr) {
-    kkt_ = make_kkt(relaxed_, run.interrupt());
-    if (kkt_ == nullptr) return End::stopped;
-    engines_ = std::make_unique<BranchEngines>(relaxed_, *kkt_);
-  }
+  if (!prepare(run)) return End::stopped;
   kkt_->attend(run.interrupt());
   BranchPoint& point = engines_->point;
   point.set = WorkingSet(relaxed_);

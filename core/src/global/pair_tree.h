@@ -27,11 +27,10 @@ class PairTree {
   };
   /// Decides whether a branch whose relaxation is feasible in z (both scaled) ends the search.
   using Accept = std::function<bool(ConstVectorRef z, const WorkingSet& branch)>;
-  /// Searches from z (scaled), up to the run's given count of factorizations.
+  /// Searches from z (scaled), up to the run's given count of factorizations. Takes its memory from
+  /// Run::bytes_left; stops at once if that is too little.
   [[nodiscard]] End run(Run& run, ConstVectorRef z, int last_factorization, const Accept& accept);
 
-  /// True if its forks do not take too much memory.
-  [[nodiscard]] bool applies() const;
   [[nodiscard]] int nodes() const { return nodes_; }  ///< of the last run()
   /// After a run that refuted all branches: no z with |z|∞ up to this is feasible, user units, rounding
   /// included.
@@ -45,6 +44,8 @@ class PairTree {
     Index side;  // of that child
   };
   enum class Node { feasible, cut, failed };
+  [[nodiscard]] double fork_bytes() const;
+  [[nodiscard]] bool prepare(Run& run);
   [[nodiscard]] Node solve(Run& run, int last_factorization);
   [[nodiscard]] Index worst_pair(double& apart) const;
   [[nodiscard]] bool is_open(Index pair) const;
@@ -55,7 +56,7 @@ class PairTree {
   [[nodiscard]] bool back();
 
   const ScaledProblem& problem_;
-  ScaledProblem relaxed_;  // each side forms a pair with 0: fixed, or free
+  ScaledProblem relaxed_;  // its pairs are the sides, each with 0: fixed, or free
   std::unique_ptr<Kkt> kkt_;
   std::unique_ptr<BranchEngines> engines_;
   std::vector<Fork> forks_;

@@ -35,7 +35,7 @@ class Run {
   bool nonconvex = false;  // a factorization showed that Q has negative curvature in a relevant direction
   std::int32_t reported_iteration = -1;  // the last reported iteration
   Times times;
-  double bytes_left = std::numeric_limits<double>::infinity();  // for systems of its proofs
+  double bytes_left = std::numeric_limits<double>::infinity();  // for systems beside the solver's
 
   /// Adds the time of a scope to polishing, or to another part, without times that are counted elsewhere.
   /// Nested scopes count only once.

@@ -35,13 +35,25 @@ ScaledProblem empty_problem(Index variables) {
   return p;
 }
 
-std::unique_ptr<Kkt> make_system(const ScaledProblem& problem, const Run& run) {
+namespace {
+
+double problem_bytes(const ScaledProblem& problem) {
   const auto entries = static_cast<double>(problem.A.values.size() + problem.rows.values.size());
   const double vectors =
       tuning::memory_iterates * (problem.variables() + problem.equalities() + problem.layout.size());
-  const double own = entries * (sizeof(double) + sizeof(Index)) + vectors * sizeof(double);
+  return entries * (sizeof(double) + sizeof(Index)) + vectors * sizeof(double);
+}
+
+}  // namespace
+
+std::unique_ptr<Kkt> make_system(const ScaledProblem& problem, const Run& run) {
   KktCost least;
-  return make_kkt(problem, {run.bytes_left - own, KktCost{}.flops}, run.interrupt(), least);
+  return make_kkt(problem, {run.bytes_left - problem_bytes(problem), KktCost{}.flops}, run.interrupt(),
+                  least);
+}
+
+double system_bytes(const ScaledProblem& problem, const Kkt& kkt) {
+  return problem_bytes(problem) + kkt.bytes();
 }
 
 }  // namespace marble

@@ -21,4 +21,7 @@ void append_row(const RowMatrix& from, Index row, RowMatrix& to);
 /// if it does not fit, or if interrupted.
 [[nodiscard]] std::unique_ptr<Kkt> make_system(const ScaledProblem& problem, const Run& run);
 
+/// Returns the memory of such a system, of the problem, and of the engines that use both.
+[[nodiscard]] double system_bytes(const ScaledProblem& problem, const Kkt& kkt);
+
 }  // namespace marble

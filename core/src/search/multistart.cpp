@@ -20,7 +20,7 @@ Multistart::Multistart(const ScaledProblem& problem, Kkt& kkt, BranchPoint& poin
 
 bool Multistart::prepare(Run& run) {
   if (nearest_kkt_ != nullptr) return true;
-  nearest_kkt_ = make_kkt(nearest_, run.interrupt());
+  nearest_kkt_ = make_system(nearest_, run);
   if (nearest_kkt_ == nullptr) return false;
   nearest_kkt_->attend(run.interrupt());
   nearest_engines_ = std::make_unique<BranchEngines>(nearest_, *nearest_kkt_);

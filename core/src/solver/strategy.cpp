@@ -5,11 +5,8 @@
 #include <limits>
 #include <utility>
 
-#include "global/pair_newton.h"
-#include "horizon/segments.h"
 #include "model/text_of.h"
 #include "model/tuning.h"
-#include "path/certificate.h"
 #include "search/multistart.h"
 
 namespace marble {
@@ -128,7 +125,7 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
       options_.path == Path::fast && !start_ && !(warm_start && judged(warm_start->solution->z()).feasible);
   path_.look_for_contradiction(looks_for_contradiction_);
   const bool late = run.interrupted().has_value();  // the cold start then gets no further than `from`
-  const std::optional<Ending> path_end = cold(run, initial_z, from);
+  const std::optional<Ending> path_end = solve_cold(run, initial_z, from);
   if (late) stage_ = from;
   if (!incumbent_.exists()) return finish_path(run, initial_z, *path_end);
   const bool path_solved = path_end && is_solved(path_end->status);
@@ -141,132 +138,12 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
   return finish_path(run, initial_z, *path_end);
 }
 
-// Follows the path to a κ that shows the branch, solves it exactly and searches for better branches. If that
-// branch is infeasible, searches for a feasible one. If no exact solution is found, follows the rest of the
-// path. Returns how the path ended, or nothing if an exact solution was found before its end. Begins at the
-// stage at which the last run was interrupted, and records its own.
-std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z, Stage from) {
-  const bool quadratic = problem_.pairs() == 0 && options_.polish && options_.path == Path::fast;
-  if (quadratic && from <= Stage::quadratic) {
-    if (from == Stage::quadratic) {
-      branch_.interior.resume();
-    } else {
-      branch_.interior.start(initial_z, branch_.point.set);
-    }
-    const PhaseScope phase(run.activity(), Phase::path);
-    if (incumbent_.solve_branch(run, branch_.interior) || take_interior(run)) return std::nullopt;
-  }
-  if (quadratic && from <= Stage::quadratic && looks_for_contradiction_ &&
-      ContradictionScreen(problem_).suggests_infeasible(problem_, branch_.interior.iterate())) {
-    if (std::optional<Ending> proved = prove_early(run, branch_.interior.iterate())) return proved;
-  }
-  const bool quadratic_interrupted = quadratic && from <= Stage::quadratic && run.interrupted();
-  if (from == Stage::path || from == Stage::end_of_path) {
-    path_.resume();
-  } else {
-    path_.start(quadratic_interrupted ? ConstVectorRef(branch_.interior.iterate().z()) : initial_z);
-  }
-  std::optional<Ending> end;
-  auto branch = PathBranch::not_exact;
-  if (from <= Stage::path) {
-    end = follow_to_branch(run, branch);
-    if (end && ended_by_force(end->status)) stage_ = quadratic_interrupted ? Stage::quadratic : Stage::path;
-    if (end && (ended_by_force(end->status) || is_proof(end->status))) return end;
-  }
-  bool path_borrowed = false;
-  if (options_.polish && from != Stage::end_of_path) {
-    const bool in_segments = from <= Stage::path && start_in_segments(run, branch);
-    if (in_segments) {
-      stage_ = Stage::beginning;
-      path_borrowed = problem_.pairs() < tuning::segmented_alone;
-      if (path_borrowed) search_.search_beside_segments(run, initial_z);
-    } else if (from <= Stage::path && may_have_segments(problem_) && run.interrupted() &&
-               !incumbent_.exists()) {
-      stage_ = Stage::path;
-    } else if (branch == PathBranch::exact) {
-      path_borrowed = search_.improve(run, initial_z);
-    } else if (options_.path == Path::fast) {
-      stage_ = from <= Stage::path ? Stage::beginning : from;
-      path_borrowed = search_.find(run, initial_z, stage_);
-    }
-    search_.repeat_soft_start(run, path_borrowed);
-    show_incumbent(run);
-    if (path_borrowed) search_.from_penalties(run, initial_z);
-    const bool exact = incumbent_.exists() && branch != PathBranch::path_is_lower;
-    if (exact || (end && is_solved(end->status))) return end;
-  }
-  if (!end) {
-    if (path_borrowed) path_.start(initial_z);
-    end = follow_path(run, options_.kappa_min);
-    if (ended_by_force(end->status) && stage_ == Stage::beginning) stage_ = Stage::end_of_path;
-  }
-  if (ended_by_force(end->status) || stage_ != Stage::beginning) return end;
-  if (options_.polish) {
-    static_cast<void>(solve_path_branch(run, false));
-  } else if (options_.path == Path::fast && !is_solved(end->status) && !is_proof(end->status)) {
-    // The fast path relies on a polish. If it fails without one, a branch is better than no solution.
-    if (solve_path_branch(run, true) == PathBranch::not_exact)
-      static_cast<void>(search_.find(run, initial_z));
-  }
-  return end;
-}
-
-// Follows the path until it shows a branch, and solves that branch exactly.
-std::optional<Ending> Strategy::follow_to_branch(Run& run, PathBranch& branch) {
-  std::optional<Ending> end;
-  for (const double kappa : {tuning::branch_kappa, tuning::last_kappa}) {
-    end = follow_path(run, kappa);
-    if (end && (ended_by_force(end->status) || is_proof(end->status))) break;
-    if (options_.polish) branch = solve_path_branch(run, options_.path == Path::fast);
-    if (end || path_.is_lost() || branch == PathBranch::exact) break;
-  }
-  return end;
-}
-
 // With the current numbers.
 void Strategy::judge_path_point() {
   Images images(problem_);
   images.evaluate(problem_, path_point_.x);
   path_point_.violations = violations(problem_, images);
   path_point_.objective = images.objective;
-}
-
-// If the path seems to end in a proof, it ends so only if the proof is found.
-std::optional<Ending> Strategy::follow_path(Run& run, double kappa_end) {
-  const PhaseScope phase(run.activity(), Phase::path);
-  std::optional<Ending> end = path_.follow(run, kappa_end);
-  if (path_.suspects_contradiction()) {
-    if (std::optional<Ending> proved = prove_early(run, path_.iterate())) return proved;
-    end = path_.follow(run, kappa_end);
-  }
-  const Iterate& x = end ? path_.iterate() : path_.best();
-  const Violations& violations = end ? path_.violations_at() : path_.best_violations();
-  // A path that was restarted and cut short may be worse than the point of the first one.
-  const bool cut_short = end && ended_by_force(end->status);
-  if (cut_short && largest(path_point_.violations) < largest(violations)) return end;
-  path_point_.x.all = x.all;
-  path_point_.violations = violations;
-  path_point_.objective = end ? path_.objective() : path_.best_objective();
-  if (!end || !is_proof(end->status)) return end;
-  if (std::optional<Ending> proved = prove(run, end->status)) return proved;
-  return Ending{Status::numerical_failure, "no acceptable step; " + describe(violations), {}};
-}
-
-Strategy::PathBranch Strategy::solve_path_branch(Run& run, bool exchanges_pairs) {
-  const Run::Polishing polishing(run);
-  const double objective = path_.objective();
-  const auto solve = [&](const char* origin) {
-    return incumbent_.solve_branch(run, origin, tuning::engine_budget) != Incumbent::Outcome::not_exact;
-  };
-  branch_.point.start_from_path(path_.iterate());
-  bool exact = solve("path");
-  if (!exact && exchanges_pairs && pair_newton_applies(problem_)) {
-    branch_.point.start_from_path(path_.iterate());
-    exact = pair_newton(run, problem_, branch_.point) && solve("path, Newton's method on the pairs");
-  }
-  if (!exact) return PathBranch::not_exact;
-  show_incumbent(run);
-  return path_is_lower(path_.feasible(), objective) ? PathBranch::path_is_lower : PathBranch::exact;
 }
 
 // A feasible path point that is clearly lower than the exact solution near it is the better solution.

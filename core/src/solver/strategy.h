@@ -9,6 +9,7 @@
 // With a warm start, the branch of the given point comes first, and often no other engine is needed.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 
@@ -118,8 +119,37 @@ class Strategy {
   [[nodiscard]] Answer not_above_warm_start(Run& run, Answer answer, ConstVectorRef z);
   [[nodiscard]] bool start_for_tree(Run& run);
   void take_incumbent(Answer& answer) const;
-  [[nodiscard]] std::optional<Ending> cold(Run& run, ConstVectorRef initial_z, Stage from);
-  [[nodiscard]] std::optional<Ending> follow_to_branch(Run& run, PathBranch& branch);
+  // cold_solve.cpp
+  [[nodiscard]] std::optional<Ending> solve_cold(Run& run, ConstVectorRef initial_z, Stage from);
+  // What its stages pass on.
+  struct Cold {
+    ConstVectorRef initial_z;
+    Stage from;                                 // at which the last run was interrupted
+    std::optional<Ending> end = {};             // of the path
+    PathBranch branch = PathBranch::not_exact;  // at which the path arrived
+    bool interior_interrupted = false;
+    bool searched = false;       // for branches, by segments
+    bool path_borrowed = false;  // by a soft start
+  };
+  struct ColdStage {
+    bool (Strategy::*applies)(const Cold&) const;
+    bool (Strategy::*run)(Run&, Cold&);  // returns true if the cold solve ends with this stage
+  };
+  static const std::array<ColdStage, 8> kColdStages;
+  [[nodiscard]] bool always(const Cold&) const { return true; }
+  [[nodiscard]] bool has_no_pairs(const Cold& cold) const;
+  [[nodiscard]] bool searches(const Cold& cold) const;
+  [[nodiscard]] bool starts_search(const Cold& cold) const;
+  [[nodiscard]] bool has_branch(const Cold& cold) const;
+  [[nodiscard]] bool lacks_branch(const Cold& cold) const;
+  [[nodiscard]] bool solve_without_pairs(Run& run, Cold& cold);
+  [[nodiscard]] bool follow_path_to_branch(Run& run, Cold& cold);
+  [[nodiscard]] bool search_in_segments(Run& run, Cold& cold);
+  [[nodiscard]] bool search_near_branch(Run& run, Cold& cold);
+  [[nodiscard]] bool find_branch(Run& run, Cold& cold);
+  [[nodiscard]] bool search_elsewhere(Run& run, Cold& cold);
+  [[nodiscard]] bool follow_rest_of_path(Run& run, Cold& cold);
+  [[nodiscard]] bool solve_branch_at_end_of_path(Run& run, Cold& cold);
   void judge_path_point();
   [[nodiscard]] std::optional<Ending> follow_path(Run& run, double kappa_end);
   [[nodiscard]] PathBranch solve_path_branch(Run& run, bool exchanges_pairs);

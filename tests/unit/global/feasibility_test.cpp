@@ -207,5 +207,24 @@ TEST(Feasibility, LemkesFirstPathEndsInAnEquilibriumOfEveryGame) {
   }
 }
 
+TEST(Feasibility, TheTreeOverThePairsTakesItsMemoryFromTheRun) {
+  const OwnedProblem p = sums(6, 1).second;
+  Workbench bench(p);
+  const auto search = [&](double bytes) {
+    bench.run.bytes_left = bytes;
+    PairTree tree(bench.problem);
+    const PairTree::End end =
+        tree.run(bench.run, bench.zero(), 100000, [](ConstVectorRef, const WorkingSet&) { return false; });
+    return std::pair(end, tree.nodes());
+  };
+  EXPECT_EQ(search(1e9).first, PairTree::End::refuted);
+  const double taken = 1e9 - bench.run.bytes_left;
+  EXPECT_GT(taken, 0.0);
+  EXPECT_EQ(search(taken).first, PairTree::End::refuted);
+  for (const double share : {0.0, 0.1, 0.9}) {
+    EXPECT_EQ(search(share * taken), std::pair(PairTree::End::stopped, 0)) << share;
+  }
+}
+
 }  // namespace
 }  // namespace marble
