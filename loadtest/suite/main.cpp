@@ -14,43 +14,28 @@
 
 namespace {
 
-constexpr const char* kUsage =
-    "Runs families of problems and prints what the solver reached on them.\n"
-    "Usage: suite [FAMILY ...] [--seeds N] [--judge] [--starts K] [--benchmarks FOLDER]\n"
-    "             [--peers COMMAND]\n"
-    "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
-    "Families: macmpec perturbed robotics variants qpecs warm mpc growth horizons units throughput global "
-    "hard statuses starts proofs conflicts qp coupled scenarios; "
-    "all "
-    "of "
-    "them by "
-    "default.\n"
-    "  --seeds N            of the random families, default 20\n"
-    "  --judge              hard, statuses, starts, proofs, conflicts, scenarios and horizons: on the half "
-    "of the seeds "
-    "that "
-    "nothing is chosen on\n"
-    "  --starts K           of the references where none is known, default 8\n"
-    "  --time-limit S       of global and proofs, default 60\n"
-    "  --only NAME          of global and qp, that problem; of coupled small, large, hoppers or pieces;\n"
-    "                       of scenarios optima, chains, many or hopper; of proofs macmpec, robots, gates, "
-    "qpecs,\n"
-    "                       integers, hard or lcps\n"
-    "  --keep FOLDER        of proofs: leave problems and proofs there\n"
-    "  --steps N            of coupled and horizons, the hopper of that horizon: 120, 240, 480, 960 or 1920\n"
-    "  --option NAME=VALUE  of macmpec and robotics, a solver option; may be repeated\n"
-    "  --benchmarks FOLDER  problems with references\n"
-    "  --peers COMMAND      measure qp or global in turns with other solvers: COMMAND runs qp_peers.py or\n"
-    "                       global_peers.py of loadtest/suite/peers\n"
-    "tune, in a build of the preset tune: what numbers of core/src/model/tuning.def do on generated "
-    "families, one "
-    "by\n"
-    "one, or what these values do together. On odd seeds, --seeds N (default 10) of each family; with "
-    "--judge\n"
-    "on even ones, the half that nothing is chosen on. --save keeps what a table comes to, --against "
-    "compares "
-    "with\n"
-    "that of another one.\n";
+constexpr const char* kUsage = R"(Runs families of problems and prints what the solver reached on them.
+Usage: suite [FAMILY ...] [--seeds N] [--judge] [--starts K] [--benchmarks FOLDER] [--peers COMMAND]
+       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]
+Families: macmpec perturbed robotics variants qpecs warm mpc growth horizons units throughput global hard statuses starts
+proofs conflicts qp coupled scenarios; all of them by default.
+  --seeds N            of the random families, default 20
+  --judge              hard, statuses, starts, proofs, conflicts, scenarios and horizons: on the half of the seeds that
+                       nothing is chosen on
+  --starts K           of the references where none is known, default 8
+  --time-limit S       of global and proofs, default 60
+  --only NAME          of global and qp, that problem; of coupled small, large, hoppers or pieces; of scenarios optima,
+                       chains, many or hopper; of proofs macmpec, robots, gates, qpecs, integers, hard or lcps
+  --keep FOLDER        of proofs: leave problems and proofs there
+  --steps N            of coupled and horizons, the hopper of that horizon: 120, 240, 480, 960 or 1920
+  --option NAME=VALUE  of macmpec and robotics, a solver option; may be repeated
+  --benchmarks FOLDER  problems with references
+  --peers COMMAND      measure qp or global in turns with other solvers: COMMAND runs qp_peers.py or global_peers.py of
+                       loadtest/suite/peers
+tune, in a build of the preset tune: what numbers of core/src/model/tuning.def do on generated families, one by one, or
+what these values do together. On odd seeds, --seeds N (default 10) of each family; with --judge on even ones, the half
+that nothing is chosen on. --save keeps the results of a table, --against compares with those of another one.
+)";
 
 int tune(int argc, char** argv) {
   marble::suite::Sweep sweep;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "model/tuning.h"
+#include "path/noise.h"
 
 namespace marble {
 namespace {
@@ -148,6 +149,34 @@ void BranchSearch::from_penalties(Run& run, ConstVectorRef initial_z) {
       incumbent_.solve_branch(run, "penalties, local search", tuning::engine_budget) ==
           Incumbent::Outcome::kept)
     repeat(run, 0, std::numeric_limits<int>::max());
+}
+
+// Without an incumbent's branch: its end depends on the point alone.
+bool BranchSearch::search_from_interior(Run& run, ConstVectorRef z, int last, const char* origin) {
+  if (!interior_.run(run, z)) return false;
+  point_.start_from_point(interior_.z());
+  return search_.run(run, from_interior_point(true), last) &&
+         incumbent_.solve_branch(run, origin, tuning::engine_budget) == Incumbent::Outcome::kept;
+}
+
+// The path and the searches so far begin at one point, and often at a kink: all |·| at 0, all velocities
+// equal. Random points end in other basins.
+bool BranchSearch::from_random_points(Run& run, ConstVectorRef z, int last) {
+  const Run::Polishing polishing(run);
+  const Run::Searching searching(run);
+  bool used_path = false;
+  Vector start(z.size());
+  for (std::uint64_t number = 0; run.factorizations < last && !run.interrupted(); ++number) {
+    for (Index j = 0; j < start.size(); ++j)
+      start[j] = z[j] + tuning::random_spread * (2.0 * noise(number, static_cast<std::uint64_t>(j)) - 1.0);
+    if (number % 2 == 0) {
+      static_cast<void>(search_from_interior(run, start, last, "random point, interior point, local search"));
+    } else {
+      used_path = true;
+      from_soft_start(run, start, last, false, incumbent_.best().objective);
+    }
+  }
+  return used_path;
 }
 
 void BranchSearch::repeat_soft_start(Run& run, bool after_soft_start) {

@@ -54,6 +54,10 @@ class BranchSearch {
   /// Searches from the end of a penalty homotopy, if that applies, with at most as many factorizations as the
   /// run has taken so far. Further starts follow if this gave a better branch.
   void from_penalties(Run& run, ConstVectorRef initial_z);
+  /// Searches from random points around z, in turn from an interior point and from a soft start, as long as
+  /// the run has taken fewer factorizations than `last`. Returns true if that took a soft start, which uses
+  /// the path.
+  bool from_random_points(Run& run, ConstVectorRef z, int last);
   /// Runs the requested further starts from the incumbent, in rounds. Calls `settle` after each that replaces
   /// it.
   void start_further(Run& run, const std::function<void()>& settle);
@@ -75,6 +79,7 @@ class BranchSearch {
   void from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization, bool resumes = false,
                        double cutoff = std::numeric_limits<double>::infinity());
   int repeat(Run& run, int first, int most_factorizations);
+  [[nodiscard]] bool search_from_interior(Run& run, ConstVectorRef z, int last, const char* origin);
   [[nodiscard]] bool from_interior(Run& run, ConstVectorRef initial_z, Stage& stage);
 
   const ScaledProblem& problem_;

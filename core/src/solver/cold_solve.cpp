@@ -12,15 +12,16 @@ namespace marble {
 
 // Each stage adds to what the earlier ones have found. In their order, with what limits each of them beside
 // the time and max_iterations.
-const std::array<Strategy::ColdStage, 8> Strategy::kColdStages = {{
-    {&Strategy::has_no_pairs, &Strategy::solve_without_pairs},    // tuning::engine_budget
-    {&Strategy::always, &Strategy::follow_path_to_branch},        // tuning::engine_budget for the branch
-    {&Strategy::starts_search, &Strategy::search_in_segments},    // max_local_search_factorizations
-    {&Strategy::has_branch, &Strategy::search_near_branch},       // the same
-    {&Strategy::lacks_branch, &Strategy::find_branch},            // twice the same
-    {&Strategy::searches, &Strategy::search_elsewhere},           // at most as much as all before it
-    {&Strategy::always, &Strategy::follow_rest_of_path},          // max_iterations alone
-    {&Strategy::always, &Strategy::solve_branch_at_end_of_path},  // tuning::engine_budget
+const std::array<Strategy::ColdStage, 9> Strategy::kColdStages = {{
+    {&Strategy::has_no_pairs, &Strategy::solve_without_pairs},  // tuning::engine_budget
+    {&Strategy::always, &Strategy::follow_path_to_branch},      // tuning::engine_budget for the branch
+    {&Strategy::starts_search, &Strategy::search_in_segments},  // max_local_search_factorizations
+    {&Strategy::has_branch, &Strategy::search_near_branch},     // the same
+    {&Strategy::lacks_branch, &Strategy::find_branch},          // twice the same
+    {&Strategy::searches, &Strategy::search_elsewhere},         // at most as much as all before it
+    {&Strategy::may_gain_elsewhere, &Strategy::search_from_random_points},   // as much as all before it
+    {&Strategy::lacks_solution, &Strategy::follow_rest_of_path},             // max_iterations alone
+    {&Strategy::is_at_end_of_path, &Strategy::solve_branch_at_end_of_path},  // tuning::engine_budget
 }};
 
 // Returns how the path ended, or nothing if an exact solution was found before its end. Begins at the stage
@@ -48,6 +49,16 @@ bool Strategy::has_branch(const Cold& cold) const {
 
 bool Strategy::lacks_branch(const Cold& cold) const {
   return searches(cold) && !cold.searched && cold.branch != PathBranch::exact && options_.path == Path::fast;
+}
+
+bool Strategy::may_gain_elsewhere(const Cold& cold) const {
+  return searches(cold) && incumbent_.exists() && problem_.pairs() > tuning::small_pairs &&
+         options_.path == Path::fast && options_.max_local_search_factorizations > 0;
+}
+
+bool Strategy::lacks_solution(const Cold& cold) const {
+  const bool exact = incumbent_.exists() && cold.branch != PathBranch::path_is_lower;
+  return !searches(cold) || !(exact || (cold.end && is_solved(cold.end->status)));
 }
 
 bool Strategy::solve_without_pairs(Run& run, Cold& cold) {
@@ -116,11 +127,18 @@ bool Strategy::search_elsewhere(Run& run, Cold& cold) {
   search_.repeat_soft_start(run, cold.path_borrowed);
   show_incumbent(run);
   if (cold.path_borrowed) search_.from_penalties(run, cold.initial_z);
-  const bool exact = incumbent_.exists() && cold.branch != PathBranch::path_is_lower;
-  return exact || (cold.end && is_solved(cold.end->status));
+  return false;
+}
+
+bool Strategy::search_from_random_points(Run& run, Cold& cold) {
+  const int last = static_cast<int>(tuning::random_share * run.factorizations);
+  cold.path_borrowed |= search_.from_random_points(run, cold.initial_z, run.factorizations + last);
+  show_incumbent(run);
+  return false;
 }
 
 bool Strategy::follow_rest_of_path(Run& run, Cold& cold) {
+  cold.at_end_of_path = true;
   if (!cold.end) {
     if (cold.path_borrowed) path_.start(cold.initial_z);
     cold.end = follow_path(run, options_.kappa_min);

@@ -130,24 +130,29 @@ class Strategy {
     bool interior_interrupted = false;
     bool searched = false;       // for branches, by segments
     bool path_borrowed = false;  // by a soft start
+    bool at_end_of_path = false;
   };
   struct ColdStage {
     bool (Strategy::*applies)(const Cold&) const;
     bool (Strategy::*run)(Run&, Cold&);  // returns true if the cold solve ends with this stage
   };
-  static const std::array<ColdStage, 8> kColdStages;
+  static const std::array<ColdStage, 9> kColdStages;
   [[nodiscard]] bool always(const Cold&) const { return true; }
   [[nodiscard]] bool has_no_pairs(const Cold& cold) const;
   [[nodiscard]] bool searches(const Cold& cold) const;
   [[nodiscard]] bool starts_search(const Cold& cold) const;
   [[nodiscard]] bool has_branch(const Cold& cold) const;
   [[nodiscard]] bool lacks_branch(const Cold& cold) const;
+  [[nodiscard]] bool may_gain_elsewhere(const Cold& cold) const;
+  [[nodiscard]] bool lacks_solution(const Cold& cold) const;
+  [[nodiscard]] bool is_at_end_of_path(const Cold& cold) const { return cold.at_end_of_path; }
   [[nodiscard]] bool solve_without_pairs(Run& run, Cold& cold);
   [[nodiscard]] bool follow_path_to_branch(Run& run, Cold& cold);
   [[nodiscard]] bool search_in_segments(Run& run, Cold& cold);
   [[nodiscard]] bool search_near_branch(Run& run, Cold& cold);
   [[nodiscard]] bool find_branch(Run& run, Cold& cold);
   [[nodiscard]] bool search_elsewhere(Run& run, Cold& cold);
+  [[nodiscard]] bool search_from_random_points(Run& run, Cold& cold);
   [[nodiscard]] bool follow_rest_of_path(Run& run, Cold& cold);
   [[nodiscard]] bool solve_branch_at_end_of_path(Run& run, Cold& cold);
   void judge_path_point();
