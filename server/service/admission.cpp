@@ -170,13 +170,14 @@ Expected<CheckedRequest> check(const ServiceParts& parts, const Caller& caller, 
                         std::move(record)};
 }
 
-// Requests whose sizes have the same number of bits, with the same number of starts, form one class: they
-// run for about as long.
+// Requests whose sizes have the same number of bits, with the same number of starts, asked or not, form one
+// class: they run for about as long.
 int work_class_of(std::int64_t bytes, const Options& options) {
   const auto bits = [](std::int64_t number) {
     return static_cast<int>(std::bit_width(static_cast<std::uint64_t>(number)));
   };
-  return 128 * bits(options.num_starts) + 2 * bits(bytes) + (options.global_search ? 1 : 0);
+  const auto starts = options.num_starts + static_cast<std::int64_t>(options.restart_budget);
+  return 128 * bits(starts) + 2 * bits(bytes) + (options.global_search ? 1 : 0);
 }
 
 // Makes the job without its record and its work.

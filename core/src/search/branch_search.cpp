@@ -4,9 +4,9 @@
 #include <cmath>
 #include <limits>
 #include <utility>
+#include <vector>
 
 #include "model/tuning.h"
-#include "path/noise.h"
 
 namespace marble {
 namespace {
@@ -38,6 +38,14 @@ SearchPlan from_interior_point(bool search) {
           .exchange_patience = search ? tuning::search_patience : 0};
 }
 
+FurtherStarts::Plans plans(int most_factorizations, int made) {
+  return {from_soft(), from_interior_point(true), most_factorizations, made};
+}
+
+int start_budget(const Options& options) {
+  return tuning::engine_budget + options.max_local_search_factorizations;
+}
+
 int pulling(const Incumbent& incumbent) {
   return LocalSearch::pulling(incumbent.best().x, incumbent.best().set);
 }
@@ -53,7 +61,7 @@ BranchSearch::BranchSearch(const ScaledProblem& problem, Kkt& kkt, const Options
       incumbent_(incumbent),
       interior_(problem, kkt),
       search_(problem, kkt, branch.elastic),
-      further_starts_(problem, options, branch, search_),
+      further_starts_(problem, options, branch, search_, interior_),
       homotopy_(PenaltyHomotopy::applies(problem.pairs()) ? std::make_unique<PenaltyHomotopy>(problem, kkt)
                                                           : nullptr) {}
 
@@ -151,37 +159,17 @@ void BranchSearch::from_penalties(Run& run, ConstVectorRef initial_z) {
     repeat(run, 0, std::numeric_limits<int>::max());
 }
 
-// Without an incumbent's branch: its end depends on the point alone.
-bool BranchSearch::search_from_interior(Run& run, ConstVectorRef z, int last, const char* origin) {
-  if (!interior_.run(run, z)) return false;
-  point_.start_from_point(interior_.z());
-  return search_.run(run, from_interior_point(true), last) &&
-         incumbent_.solve_branch(run, origin, tuning::engine_budget) == Incumbent::Outcome::kept;
-}
-
-// The path and the searches so far begin at one point, and often at a kink: all |·| at 0, all velocities
-// equal. Random points end in other basins.
-bool BranchSearch::from_random_points(Run& run, ConstVectorRef z, int last) {
-  const Run::Polishing polishing(run);
-  const Run::Searching searching(run);
-  bool used_path = false;
-  Vector start(z.size());
-  for (std::uint64_t number = 0; run.factorizations < last && !run.interrupted(); ++number) {
-    for (Index j = 0; j < start.size(); ++j)
-      start[j] = z[j] + tuning::random_spread * (2.0 * noise(number, static_cast<std::uint64_t>(j)) - 1.0);
-    if (number % 2 == 0) {
-      static_cast<void>(search_from_interior(run, start, last, "random point, interior point, local search"));
-    } else {
-      used_path = true;
-      from_soft_start(run, start, last, false, incumbent_.best().objective);
-    }
-  }
-  return used_path;
+void BranchSearch::begin(ConstVectorRef z) {
+  further_ = 1;
+  softened_ = {.number = 1};
+  random_ = {};
+  further_starts_.center_at(z);
 }
 
 void BranchSearch::repeat_soft_start(Run& run, bool after_soft_start) {
   further_ = 1;
   if (after_soft_start) further_ = repeat(run, 1, tuning::cheap_search);
+  softened_.number = further_;
 }
 
 // Runs further starts one by one, from number `first` on, as long as they gain. Returns the number of the
@@ -192,9 +180,48 @@ int BranchSearch::repeat(Run& run, int first, int most_factorizations) {
   int number = first;
   for (int useless = 0; incumbent_.exists() && !run.interrupted() && number < tuning::further_round &&
                         useless < tuning::useless_starts && run.factorizations < most_factorizations;) {
-    useless = further_starts_.round(run, from_soft(), number++, 1, incumbent_) ? 0 : useless + 1;
+    const FurtherStarts::Start start{FurtherStarts::Kind::softened, number++};
+    const int gains =
+        further_starts_.round(run, plans(start_budget(options_), number), {&start, 1}, incumbent_).softened;
+    ++softened_.tries;
+    softened_.gains += gains;
+    useless = gains > 0 ? 0 : useless + 1;
   }
   return number;
+}
+
+// The kind that has gained more often; of equals the one that was tried less often.
+FurtherStarts::Start BranchSearch::next_start() {
+  const int softened = (1 + softened_.gains) * (1 + random_.tries);
+  const int random = (1 + random_.gains) * (1 + softened_.tries);
+  const bool soften = softened > random || (softened == random && softened_.tries <= random_.tries);
+  Tried& kind = soften ? softened_ : random_;
+  ++kind.tries;
+  return {soften ? FurtherStarts::Kind::softened : FurtherStarts::Kind::random, kind.number++};
+}
+
+bool BranchSearch::run_round(Run& run, int count, int most_factorizations,
+                             const std::function<void()>& settle) {
+  const Run::Polishing polishing(run);
+  const Run::Searching searching(run);
+  std::vector<FurtherStarts::Start> starts(static_cast<std::size_t>(count));
+  for (FurtherStarts::Start& start : starts) start = next_start();
+  const FurtherStarts::Gains gains =
+      further_starts_.round(run, plans(most_factorizations, further_), starts, incumbent_, settle);
+  softened_.gains += gains.softened;
+  random_.gains += gains.random;
+  return gains.softened + gains.random > 0;
+}
+
+void BranchSearch::start_again(Run& run, const std::function<void()>& settle) {
+  const PhaseScope phase(run.activity(), Phase::starts);
+  const double before = std::min(run.factorizations, options_.max_local_search_factorizations);
+  const double last = std::min(run.factorizations + options_.restart_budget * before, 1e9);
+  const double most_useless = tuning::useless_restarts * std::max(1.0, options_.restart_budget);
+  for (int useless = 0;
+       useless < most_useless && run.factorizations < last && incumbent_.exists() && !run.interrupted();) {
+    useless = run_round(run, 1, static_cast<int>(last) - run.factorizations, settle) ? 0 : useless + 1;
+  }
 }
 
 void BranchSearch::start_further(Run& run, const std::function<void()>& settle) {
@@ -207,9 +234,7 @@ void BranchSearch::start_further(Run& run, const std::function<void()>& settle) 
 }
 
 bool BranchSearch::start_round(Run& run, int count, const std::function<void()>& settle) {
-  const Run::Polishing polishing(run);
-  const Run::Searching searching(run);
-  const bool better = further_starts_.round(run, from_soft(), further_, count, incumbent_, settle);
+  const bool better = run_round(run, count, start_budget(options_), settle);
   further_ += count;
   return better;
 }

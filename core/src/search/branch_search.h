@@ -33,8 +33,9 @@ class BranchSearch {
   BranchSearch(const ScaledProblem& problem, Kkt& kkt, const Options& options, PathEngine& path,
                BranchEngines& branch, Incumbent& incumbent);
 
-  /// Call this at the beginning of a solve, so that its next further start is number two.
-  void count_from_first() { further_ = 1; }
+  /// Call this at the beginning of a solve from z: its next further start is number two, and its random
+  /// points are around z.
+  void begin(ConstVectorRef z);
   /// Searches for branches better than the incumbent's. Returns true if that took a soft start, which uses
   /// the path.
   bool improve(Run& run, ConstVectorRef initial_z);
@@ -54,10 +55,9 @@ class BranchSearch {
   /// Searches from the end of a penalty homotopy, if that applies, with at most as many factorizations as the
   /// run has taken so far. Further starts follow if this gave a better branch.
   void from_penalties(Run& run, ConstVectorRef initial_z);
-  /// Searches from random points around z, in turn from an interior point and from a soft start, as long as
-  /// the run has taken fewer factorizations than `last`. Returns true if that took a soft start, which uses
-  /// the path.
-  bool from_random_points(Run& run, ConstVectorRef z, int last);
+  /// Runs further starts one by one within option restart_budget, as long as they gain. Calls `settle` after
+  /// each that replaces the incumbent.
+  void start_again(Run& run, const std::function<void()>& settle);
   /// Runs the requested further starts from the incumbent, in rounds. Calls `settle` after each that replaces
   /// it.
   void start_further(Run& run, const std::function<void()>& settle);
@@ -79,7 +79,9 @@ class BranchSearch {
   void from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization, bool resumes = false,
                        double cutoff = std::numeric_limits<double>::infinity());
   int repeat(Run& run, int first, int most_factorizations);
-  [[nodiscard]] bool search_from_interior(Run& run, ConstVectorRef z, int last, const char* origin);
+  [[nodiscard]] FurtherStarts::Start next_start();
+  [[nodiscard]] bool run_round(Run& run, int count, int most_factorizations,
+                               const std::function<void()>& settle);
   [[nodiscard]] bool from_interior(Run& run, ConstVectorRef initial_z, Stage& stage);
 
   const ScaledProblem& problem_;
@@ -92,6 +94,10 @@ class BranchSearch {
   FurtherStarts further_starts_;
   std::unique_ptr<PenaltyHomotopy> homotopy_;  // if it applies
   int further_ = 1;                            // starts of this solve, including the first one
+  struct Tried {
+    int number = 0, tries = 0, gains = 0;
+  };
+  Tried softened_ = {}, random_ = {};  // the further starts of this solve by kind
 };
 
 }  // namespace marble

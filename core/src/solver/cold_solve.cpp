@@ -12,15 +12,14 @@ namespace marble {
 
 // Each stage adds to what the earlier ones have found. In their order, with what limits each of them beside
 // the time and max_iterations.
-const std::array<Strategy::ColdStage, 9> Strategy::kColdStages = {{
-    {&Strategy::has_no_pairs, &Strategy::solve_without_pairs},  // tuning::engine_budget
-    {&Strategy::always, &Strategy::follow_path_to_branch},      // tuning::engine_budget for the branch
-    {&Strategy::starts_search, &Strategy::search_in_segments},  // max_local_search_factorizations
-    {&Strategy::has_branch, &Strategy::search_near_branch},     // the same
-    {&Strategy::lacks_branch, &Strategy::find_branch},          // twice the same
-    {&Strategy::searches, &Strategy::search_elsewhere},         // at most as much as all before it
-    {&Strategy::may_gain_elsewhere, &Strategy::search_from_random_points},   // as much as all before it
-    {&Strategy::lacks_solution, &Strategy::follow_rest_of_path},             // max_iterations alone
+const std::array<Strategy::ColdStage, 8> Strategy::kColdStages = {{
+    {&Strategy::has_no_pairs, &Strategy::solve_without_pairs},    // tuning::engine_budget
+    {&Strategy::always, &Strategy::follow_path_to_branch},        // tuning::engine_budget for the branch
+    {&Strategy::starts_search, &Strategy::search_in_segments},    // max_local_search_factorizations
+    {&Strategy::has_branch, &Strategy::search_near_branch},       // the same
+    {&Strategy::lacks_branch, &Strategy::find_branch},            // twice the same
+    {&Strategy::searches, &Strategy::search_elsewhere},           // at most as much as all before it
+    {&Strategy::lacks_solution, &Strategy::follow_rest_of_path},  // max_iterations alone
     {&Strategy::is_at_end_of_path, &Strategy::solve_branch_at_end_of_path},  // tuning::engine_budget
 }};
 
@@ -49,11 +48,6 @@ bool Strategy::has_branch(const Cold& cold) const {
 
 bool Strategy::lacks_branch(const Cold& cold) const {
   return searches(cold) && !cold.searched && cold.branch != PathBranch::exact && options_.path == Path::fast;
-}
-
-bool Strategy::may_gain_elsewhere(const Cold& cold) const {
-  return searches(cold) && incumbent_.exists() && problem_.pairs() > tuning::small_pairs &&
-         options_.path == Path::fast && options_.max_local_search_factorizations > 0;
 }
 
 bool Strategy::lacks_solution(const Cold& cold) const {
@@ -127,13 +121,6 @@ bool Strategy::search_elsewhere(Run& run, Cold& cold) {
   search_.repeat_soft_start(run, cold.path_borrowed);
   show_incumbent(run);
   if (cold.path_borrowed) search_.from_penalties(run, cold.initial_z);
-  return false;
-}
-
-bool Strategy::search_from_random_points(Run& run, Cold& cold) {
-  const int last = static_cast<int>(tuning::random_share * run.factorizations);
-  cold.path_borrowed |= search_.from_random_points(run, cold.initial_z, run.factorizations + last);
-  show_incumbent(run);
   return false;
 }
 

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "horizon/segments.h"
 #include "model/text_of.h"
 #include "model/tuning.h"
 #include "search/multistart.h"
@@ -107,7 +108,7 @@ void Strategy::take_incumbent(Answer& answer) const {
 Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
                                        const std::optional<WarmStart>& warm_start, Stage from) {
   incumbent_.clear();
-  search_.count_from_first();
+  search_.begin(initial_z);
   if (from >= Stage::path) {
     judge_path_point();
   } else {
@@ -211,15 +212,17 @@ bool Strategy::is_small(const Run& run) const {
          !options_.global_search;
 }
 
-// The part of a cold solve after its first solution: global search if the problem is small, and the requested
-// starts. Each result is settled at once, so that later steps do not depend on how many starts remain: more
-// starts never end worse.
-Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
+// The part of a cold solve after its first solution: global search if the problem is small, otherwise further
+// starts within restart_budget, and the requested starts. Each result is settled at once, so that later steps
+// do not depend on how many starts remain: more starts never end worse.
+Strategy::Answer Strategy::finish_cold(Run& run, bool is_first) {
   const Run::Searching searching(run);
   bring_near(run);
   Answer answer = finish_exact_cold(run);
-  const bool small = small_too && is_small(run);
-  if (!incumbent_.exists() || run.interrupted() || (!small && options_.num_starts == 1)) return answer;
+  const bool small = is_first && is_small(run);
+  const bool again = is_first && !small && may_start_again();
+  if (!incumbent_.exists() || run.interrupted() || (!small && !again && options_.num_starts == 1))
+    return answer;
   const double before = incumbent_.best().objective;
   const bool known_convex = optimality_.convex(run);
   TreeResult tree;
@@ -246,6 +249,7 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
     start_elsewhere(options_.max_small_problem_nodes, run.factorizations + options_.max_small_problem_nodes);
   };
   if (small && !convex) start_small();
+  if (again) search_.start_again(run, settle);
   if (!tree.proved) search_.start_further(run, settle);
   for (int start = 1; start < options_.num_starts && small && !convex && !run.interrupted(); ++start)
     start_small();
@@ -261,6 +265,13 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
   }
   answer.tree = std::move(tree);
   return answer;
+}
+
+// Segments take the place of further starts where a problem is large enough for both.
+bool Strategy::may_start_again() const {
+  return options_.restart_budget > 0.0 && options_.max_local_search_factorizations > 0 &&
+         options_.path == Path::fast && options_.polish && !options_.global_search &&
+         problem_.pairs() > tuning::small_pairs && !may_have_segments(problem_);
 }
 
 // Returns what the tree proves, and its counters.

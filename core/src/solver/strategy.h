@@ -125,6 +125,7 @@ class Strategy {
   struct Cold {
     ConstVectorRef initial_z;
     Stage from;                                 // at which the last run was interrupted
+    bool is_first;                              // no warm start came before it
     std::optional<Ending> end = {};             // of the path
     PathBranch branch = PathBranch::not_exact;  // at which the path arrived
     bool interior_interrupted = false;
@@ -136,14 +137,13 @@ class Strategy {
     bool (Strategy::*applies)(const Cold&) const;
     bool (Strategy::*run)(Run&, Cold&);  // returns true if the cold solve ends with this stage
   };
-  static const std::array<ColdStage, 9> kColdStages;
+  static const std::array<ColdStage, 8> kColdStages;
   [[nodiscard]] bool always(const Cold&) const { return true; }
   [[nodiscard]] bool has_no_pairs(const Cold& cold) const;
   [[nodiscard]] bool searches(const Cold& cold) const;
   [[nodiscard]] bool starts_search(const Cold& cold) const;
   [[nodiscard]] bool has_branch(const Cold& cold) const;
   [[nodiscard]] bool lacks_branch(const Cold& cold) const;
-  [[nodiscard]] bool may_gain_elsewhere(const Cold& cold) const;
   [[nodiscard]] bool lacks_solution(const Cold& cold) const;
   [[nodiscard]] bool is_at_end_of_path(const Cold& cold) const { return cold.at_end_of_path; }
   [[nodiscard]] bool solve_without_pairs(Run& run, Cold& cold);
@@ -152,7 +152,6 @@ class Strategy {
   [[nodiscard]] bool search_near_branch(Run& run, Cold& cold);
   [[nodiscard]] bool find_branch(Run& run, Cold& cold);
   [[nodiscard]] bool search_elsewhere(Run& run, Cold& cold);
-  [[nodiscard]] bool search_from_random_points(Run& run, Cold& cold);
   [[nodiscard]] bool follow_rest_of_path(Run& run, Cold& cold);
   [[nodiscard]] bool solve_branch_at_end_of_path(Run& run, Cold& cold);
   void judge_path_point();
@@ -164,7 +163,8 @@ class Strategy {
   void bring_near(Run& run);
   void show_incumbent(const Run& run) const;
   [[nodiscard]] bool is_small(const Run& run) const;
-  [[nodiscard]] Answer finish_cold(Run& run, bool small_too);
+  [[nodiscard]] Answer finish_cold(Run& run, bool is_first);
+  [[nodiscard]] bool may_start_again() const;
   [[nodiscard]] std::optional<Answer> find_by_small_tree(Run& run, TreeResult& tree);
   [[nodiscard]] TreeResult search_small_tree(Run& run, ConstVectorRef z, bool known_convex);
   [[nodiscard]] Answer finish_path(Run& run, ConstVectorRef initial_z, Ending end);
