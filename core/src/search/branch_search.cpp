@@ -216,7 +216,7 @@ bool BranchSearch::run_round(Run& run, int count, int most_factorizations,
 void BranchSearch::start_again(Run& run, const std::function<void()>& settle) {
   const PhaseScope phase(run.activity(), Phase::starts);
   const double before = std::min(run.factorizations, options_.max_local_search_factorizations);
-  const double last = std::min(run.factorizations + options_.restart_budget * before, 1e9);
+  const double last = run.factorizations + options_.restart_budget * before;
   const double most_useless = tuning::useless_restarts * std::max(1.0, options_.restart_budget);
   for (int useless = 0;
        useless < most_useless && run.factorizations < last && incumbent_.exists() && !run.interrupted();) {

@@ -125,7 +125,6 @@ class Strategy {
   struct Cold {
     ConstVectorRef initial_z;
     Stage from;                                 // at which the last run was interrupted
-    bool is_first;                              // no warm start came before it
     std::optional<Ending> end = {};             // of the path
     PathBranch branch = PathBranch::not_exact;  // at which the path arrived
     bool interior_interrupted = false;

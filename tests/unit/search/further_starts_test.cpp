@@ -93,6 +93,27 @@ TEST(FurtherStarts, MoreOfThemAreNeverWorseOnRandomProblemsConvexOrNot) {
   EXPECT_GT(better, 0) << "where Q is not convex";
 }
 
+Solution within(double restart_budget, const OwnedProblem& p) {
+  return solve_in_process(p.view(), Options{.restart_budget = restart_budget}).value();
+}
+
+TEST(FurtherStarts, RunUnaskedWithinTheirBudget) {
+  for (const int steps : {16, 24, 32}) {
+    const OwnedProblem p = examples::hopper({.steps = steps});
+    const Solution without = within(0.0, p);
+    double before = without.objective;
+    for (const double budget : {0.5, 1.0, 4.0}) {
+      const Solution s = within(budget, p);
+      ASSERT_EQ(s.status, Status::solved);
+      EXPECT_LE(s.objective, before + 1e-9 * std::abs(before)) << steps << " " << budget;
+      EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 1e-9);
+      // Beside the starts: the exact solution of the last one, and the tests of the result.
+      EXPECT_LE(s.factorizations, (1.0 + budget) * without.factorizations + 150) << steps << " " << budget;
+      before = s.objective;
+    }
+  }
+}
+
 // They were ended by the default limit, and what finishes an answer with them.
 TEST(FurtherStarts, AreNotEndedByALimitOnIterationsThatThePathKeeps) {
   const OwnedProblem p = examples::hopper({.steps = 16});
@@ -141,7 +162,8 @@ struct Round : testing::Workbench {
       : Workbench(p, chosen, reported),
         branch(problem, *kkt),
         search(problem, *kkt, branch.elastic),
-        engine(problem, options, branch, search),
+        interior(problem, *kkt),
+        engine(problem, options, branch, search, interior),
         incumbent(problem, options, branch.exact) {
     branch.point.start_from_point(zero());
     begun = search.run(run, kPlan, 1000) &&
@@ -157,8 +179,17 @@ struct Round : testing::Workbench {
                                     .switch_patience = 5,
                                     .exchange_patience = 0};
 
+  // Starts of both kinds in turn.
+  FurtherStarts::Gains round() {
+    using enum FurtherStarts::Kind;
+    const FurtherStarts::Start starts[] = {{softened, 1}, {random, 0}, {softened, 2}, {random, 1}};
+    static_assert(std::size(starts) == tuning::further_round);
+    return engine.round(run, {kPlan, kPlan, 1000, 1}, starts, incumbent);
+  }
+
   BranchEngines branch;
   LocalSearch search;
+  InteriorEngine interior;
   FurtherStarts engine;
   Incumbent incumbent;
   bool begun = false;
@@ -171,7 +202,8 @@ TEST(FurtherStarts, ARoundReplacesTheBestOnlyByWhatIsBetterExactAndFeasible) {
     Round r(examples::hopper({.steps = steps}));
     ASSERT_TRUE(r.begun) << steps;
     const ExactSolution before = r.incumbent.best();
-    if (r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.incumbent)) {
+    const FurtherStarts::Gains gains = r.round();
+    if (gains.softened + gains.random > 0) {
       ++better;
       EXPECT_LT(r.incumbent.best().objective, before.objective) << steps;
       EXPECT_LE(r.judged(r.incumbent.best().x.z()).infeasibility(), 1e-8) << steps;
@@ -195,7 +227,7 @@ TEST(FurtherStarts, ARoundCountsTheWorkOfAllItsSearchesAndReportsOneRowAtMost) {
   const int factorizations = r.run.factorizations;
   const int iterations = r.run.iterations;
   const std::size_t reported = rows.rows.size();
-  static_cast<void>(r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.incumbent));
+  r.round();
   EXPECT_GE(r.run.factorizations - factorizations, tuning::further_round);
   EXPECT_GT(r.run.iterations, iterations);
   EXPECT_LE(rows.rows.size(), reported + 1) << "searches that may go on at once are silent";
@@ -208,7 +240,8 @@ TEST(FurtherStarts, ARoundForWhoIsToStopChangesNothing) {
   const Vector before = r.incumbent.best().x.all;
   rows.source.request_stop();
   const int factorizations = r.run.factorizations;
-  EXPECT_FALSE(r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.incumbent));
+  const FurtherStarts::Gains gains = r.round();
+  EXPECT_EQ(gains.softened + gains.random, 0);
   EXPECT_EQ(r.run.factorizations, factorizations);
   EXPECT_EQ(r.incumbent.best().x.all, before);
 }
