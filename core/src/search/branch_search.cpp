@@ -38,8 +38,8 @@ SearchPlan from_interior_point(bool search) {
           .exchange_patience = search ? tuning::search_patience : 0};
 }
 
-FurtherStarts::Plans plans(int most_factorizations, int made) {
-  return {from_soft(), from_interior_point(true), most_factorizations, made};
+FurtherStarts::Plans plans(int most_factorizations, int made, int asked) {
+  return {from_soft(), from_interior_point(true), most_factorizations, made, asked};
 }
 
 int start_budget(const Options& options) {
@@ -182,7 +182,8 @@ int BranchSearch::repeat(Run& run, int first, int most_factorizations) {
                         useless < tuning::useless_starts && run.factorizations < most_factorizations;) {
     const FurtherStarts::Start start{FurtherStarts::Kind::softened, number++};
     const int gains =
-        further_starts_.round(run, plans(start_budget(options_), number), {&start, 1}, incumbent_).softened;
+        further_starts_.round(run, plans(start_budget(options_), number, 0), {&start, 1}, incumbent_)
+            .softened;
     ++softened_.tries;
     softened_.gains += gains;
     useless = gains > 0 ? 0 : useless + 1;
@@ -200,14 +201,14 @@ FurtherStarts::Start BranchSearch::next_start() {
   return {soften ? FurtherStarts::Kind::softened : FurtherStarts::Kind::random, kind.number++};
 }
 
-bool BranchSearch::run_round(Run& run, int count, int most_factorizations,
+bool BranchSearch::run_round(Run& run, int count, int most_factorizations, int made, int asked,
                              const std::function<void()>& settle) {
   const Run::Polishing polishing(run);
   const Run::Searching searching(run);
   std::vector<FurtherStarts::Start> starts(static_cast<std::size_t>(count));
   for (FurtherStarts::Start& start : starts) start = next_start();
   const FurtherStarts::Gains gains =
-      further_starts_.round(run, plans(most_factorizations, further_), starts, incumbent_, settle);
+      further_starts_.round(run, plans(most_factorizations, made, asked), starts, incumbent_, settle);
   softened_.gains += gains.softened;
   random_.gains += gains.random;
   return gains.softened + gains.random > 0;
@@ -218,9 +219,12 @@ void BranchSearch::start_again(Run& run, const std::function<void()>& settle) {
   const double before = std::min(run.factorizations, options_.max_local_search_factorizations);
   const double last = run.factorizations + options_.restart_budget * before;
   const double most_useless = tuning::useless_restarts * std::max(1.0, options_.restart_budget);
-  for (int useless = 0;
-       useless < most_useless && run.factorizations < last && incumbent_.exists() && !run.interrupted();) {
-    useless = run_round(run, 1, static_cast<int>(last) - run.factorizations, settle) ? 0 : useless + 1;
+  int useless = 0;
+  for (int made = 0;
+       useless < most_useless && run.factorizations < last && incumbent_.exists() && !run.interrupted();
+       ++made) {
+    const int left = static_cast<int>(last) - run.factorizations;
+    useless = run_round(run, 1, left, made, 0, settle) ? 0 : useless + 1;
   }
 }
 
@@ -234,7 +238,7 @@ void BranchSearch::start_further(Run& run, const std::function<void()>& settle) 
 }
 
 bool BranchSearch::start_round(Run& run, int count, const std::function<void()>& settle) {
-  const bool better = run_round(run, count, start_budget(options_), settle);
+  const bool better = run_round(run, count, start_budget(options_), further_, options_.num_starts, settle);
   further_ += count;
   return better;
 }

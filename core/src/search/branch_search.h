@@ -80,7 +80,7 @@ class BranchSearch {
                        double cutoff = std::numeric_limits<double>::infinity());
   int repeat(Run& run, int first, int most_factorizations);
   [[nodiscard]] FurtherStarts::Start next_start();
-  [[nodiscard]] bool run_round(Run& run, int count, int most_factorizations,
+  [[nodiscard]] bool run_round(Run& run, int count, int most_factorizations, int made, int asked,
                                const std::function<void()>& settle);
   [[nodiscard]] bool from_interior(Run& run, ConstVectorRef initial_z, Stage& stage);
 

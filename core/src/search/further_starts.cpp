@@ -56,7 +56,7 @@ void FurtherStarts::make(Attempt& attempt) {
   } catch (const std::bad_alloc&) {
     attempt.out_of_memory = true;
   }
-  whole_->set_done(Phase::starts, ++made_, options_.num_starts);
+  whole_->set_done(Phase::starts, ++made_, asked_);
 }
 
 // Makes an engine for every concurrent search except one, with the problem's current values. Returns false if
@@ -109,6 +109,7 @@ FurtherStarts::Gains FurtherStarts::round(Run& run, const Plans& plans, std::spa
   }
   whole_ = &run;
   made_ = plans.made;
+  asked_ = plans.asked;
   const std::span<const std::function<void()>> tasks(tasks_.data(), searches);
   if (at_once) {
     run.runner()->run(tasks);

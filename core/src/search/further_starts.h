@@ -31,7 +31,7 @@ class FurtherStarts {
   struct Plans {
     SearchPlan softened, random;
     int most_factorizations;  ///< of one start
-    int made;                 ///< starts before this round, for the progress
+    int made, asked;  ///< starts before this round, and all that were asked for or 0: for the progress
   };
   /// How many starts of each kind have improved the incumbent.
   struct Gains {
@@ -92,7 +92,8 @@ class FurtherStarts {
   std::vector<std::function<void()>> tasks_;  // each makes one attempt
   Reporter reporter_;
   const Run* whole_ = nullptr;  // the run of the current round
-  std::atomic<int> made_ = 0;   // starts before the round, plus the completed ones in it
+  int asked_ = 0;
+  std::atomic<int> made_ = 0;  // starts before the round, plus the completed ones in it
 };
 
 }  // namespace marble

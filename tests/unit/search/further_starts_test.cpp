@@ -184,7 +184,7 @@ struct Round : testing::Workbench {
     using enum FurtherStarts::Kind;
     const FurtherStarts::Start starts[] = {{softened, 1}, {random, 0}, {softened, 2}, {random, 1}};
     static_assert(std::size(starts) == tuning::further_round);
-    return engine.round(run, {kPlan, kPlan, 1000, 1}, starts, incumbent);
+    return engine.round(run, {kPlan, kPlan, 1000, 1, 0}, starts, incumbent);
   }
 
   BranchEngines branch;
