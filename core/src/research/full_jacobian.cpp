@@ -1,4 +1,4 @@
-#include "path/full_jacobian.h"
+#include "research/full_jacobian.h"
 
 #include <Eigen/SparseLU>
 #include <cmath>
