@@ -1,6 +1,7 @@
 #include "marble/research/conditioning.h"
 
 #include "model/printed.h"
+#include "model/tuning.h"
 #include "path/path.h"
 #include "research/full_jacobian.h"
 

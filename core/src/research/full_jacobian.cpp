@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "model/retraction.h"
-#include "model/tuning.h"
+#include "research/tuning.h"
 
 namespace marble {
 

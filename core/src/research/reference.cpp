@@ -1,13 +1,13 @@
 #include "research/reference.h"
 
 #include "model/text_of.h"
-#include "model/tuning.h"
 #include "research/aladin_beta.h"
 #include "research/l1_barrier.h"
 #include "research/l1_penalty.h"
 #include "research/penalty_scp.h"
 #include "research/quadratic_penalty.h"
 #include "research/scholtes.h"
+#include "research/tuning.h"
 
 namespace marble {
 namespace {

@@ -10,6 +10,7 @@
 #include "research/aladin_beta.h"
 #include "research/newton_system.h"
 #include "research/small_problems.h"
+#include "research/tuning.h"
 #include "support/judges/dense_algebra.h"
 #include "workbench.h"
 
@@ -133,7 +134,7 @@ TEST(AladinBeta, ACopyIsTheMinimumOfItsBarrierWithItsDerivativesThere) {
       }
     }
   }
-  EXPECT_EQ(AladinBeta::Copy(0.0, -1.0, 0.0, 1e-14, 1e-14).curvature, tuning::aladin_curvature_most);
+  EXPECT_EQ(AladinBeta::Copy(0.0, -1.0, 0.0, 1e-14, 1e-14).curvature, tuning::scale_range);
 }
 
 // (17) as one dense system: of dz, dq, dm, y and the multiplier of the linearized products.
