@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "marble/research/methods.h"
 #include "support/judges/independent_check.h"
 
 namespace marble::suite {
@@ -23,7 +24,7 @@ double Record::gap() const { return (objective - reference) / std::max(1.0, std:
 
 Record solve_and_judge(const std::string& name, const OwnedProblem& problem, const Options& options,
                        double reference) {
-  const Solution s = solve_in_process(problem.view(), options).value();
+  const Solution s = research::solve_in_process(problem.view(), options).value();
   const testing::Verdict verdict = testing::judge(problem.view(), s);
   Record record;
   record.problem = name;

@@ -17,6 +17,7 @@
 #include "model/tuning.h"
 #include "problems/tuning_families.h"
 #include "record.h"
+#include "research/tuning.h"
 
 namespace marble::suite {
 
@@ -53,6 +54,7 @@ std::vector<Number> all_numbers() {
   return {
 #define MARBLE_TUNING(type, name, value, unit, what, basis, why) number(#name, tuning::name, basis),
 #include "model/tuning.def"
+#include "research/tuning.def"
 #undef MARBLE_TUNING
   };
 }

@@ -120,8 +120,11 @@ class Reader {
 
   void read_solver_option(const std::string& name, const toml::node& node, Line line) {
     const std::string key = "solver." + name;
-    if (const auto value = single(node, key, line))
-      settle(set_solver_option(config_.solver_defaults, name, *value), key, line);
+    const auto value = single(node, key, line);
+    if (!value) return;
+    auto set = set_solver_option(config_.solver_defaults, name, *value);
+    if (set && name == "method") set = validate(config_.solver_defaults);
+    settle(set, key, line);
   }
 
   void read_client(const std::string& name, const toml::node& node, Line line) {

@@ -96,6 +96,7 @@ Expected<Common> check_common(const ServiceParts& parts, const Quota& quota, Job
   if (!priority) return unexpected(priority.error());
   auto options = options_of(message.options(), parts.config.solver_defaults);
   if (!options) return unexpected(inside("options", options.error()));
+  if (auto valid = validate(*options); !valid) return unexpected(inside("options", valid.error()));
   if (const bool alone = is_of_one_problem(kind, message); !alone) {
     if (message.options().explain()) {
       if (auto valid = validate_without_explain(*options); !valid)

@@ -69,6 +69,10 @@ TEST_F(Cli, UsageErrorsExitTwoAndSayWhatIsWrong) {
             std::string::npos);
   EXPECT_NE(run("solve --local --option nonsense=1 " + good).err.find("nonsense: is not an option"),
             std::string::npos);
+  const Result method = run("solve --local --option method=alag " + good);
+  EXPECT_EQ(method.exit_code, 2);
+  EXPECT_NE(method.err.find("method = alag: must be marble; `marble compare`"), std::string::npos)
+      << method.err;
   EXPECT_EQ(run("solve --local --time-limit -1 " + good).exit_code, 2);
 }
 

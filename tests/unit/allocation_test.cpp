@@ -7,7 +7,7 @@
 #include <new>
 
 #include "marble/examples.h"
-#include "marble/solver.h"
+#include "marble/research/methods.h"
 #include "support/judges/allocation_guard.h"
 #include "support/problems/random_problem.h"
 
@@ -30,7 +30,9 @@ class CountingSink : public ProgressSink {
 };
 
 Solver make(const OwnedProblem& p, const Options& options) {
-  return Solver::create(Problem::create(p.view()).value(), options).value();
+  return Solver::create(Problem::create(p.view()).value(), options,
+                        {.reference_methods = &research::reference_methods()})
+      .value();
 }
 
 void expect_none_in_loop(const OwnedProblem& p, Options options) {

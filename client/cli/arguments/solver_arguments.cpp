@@ -15,6 +15,13 @@ void add_solver_arguments(CLI::App& command, SolverArguments& arguments) {
 }
 
 Expected<Options> parse_options(const SolverArguments& arguments) {
+  auto options = parse_research_options(arguments);
+  if (!options) return options;
+  if (auto valid = validate(*options); !valid) return unexpected(valid.error());
+  return options;
+}
+
+Expected<Options> parse_research_options(const SolverArguments& arguments) {
   Options options;
   for (const std::string& option : arguments.options) {
     const std::size_t equals = option.find('=');

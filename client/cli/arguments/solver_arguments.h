@@ -18,6 +18,8 @@ struct SolverArguments {
 void add_solver_arguments(CLI::App& command, SolverArguments& arguments);
 
 [[nodiscard]] Expected<Options> parse_options(const SolverArguments& arguments);
+/// The same for comparisons, which run every `method`.
+[[nodiscard]] Expected<Options> parse_research_options(const SolverArguments& arguments);
 
 /// Prints a warning on standard error for each given option that has no effect with the others.
 void warn_of_idle_options(const SolverArguments& arguments, const Options& options);

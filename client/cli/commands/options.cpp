@@ -38,9 +38,17 @@ void print_text(const OptionInfo& option) {
               std::string(option.doc).c_str());
 }
 
-int run(bool markdown) {
+void print(bool markdown, bool research) {
   if (markdown) std::printf("| option | default | range | meaning |\n| --- | --- | --- | --- |\n");
-  for (const OptionInfo& option : option_table()) markdown ? print_markdown(option) : print_text(option);
+  for (const OptionInfo& option : option_table()) {
+    if (option.research == research) markdown ? print_markdown(option) : print_text(option);
+  }
+}
+
+int run(bool markdown) {
+  print(markdown, false);
+  std::printf(markdown ? "\n" : "\nfor research, with the algorithm of the paper or published methods:\n");
+  print(markdown, true);
   return kAllSolved;
 }
 

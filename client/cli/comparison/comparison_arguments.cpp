@@ -92,7 +92,7 @@ void add_comparison_arguments(CLI::App& command, ComparisonArguments& arguments)
 
 Expected<std::vector<Contestant>> contestants_of(const ComparisonArguments& arguments,
                                                  const std::vector<std::string>& own) {
-  const auto base = parse_options(arguments.solver);
+  const auto base = parse_research_options(arguments.solver);
   if (!base) return unexpected(base.error());
   std::vector<Contestant> all;
   for (const std::string& text : arguments.with.empty() && arguments.methods.empty() ? own : arguments.with) {
@@ -131,7 +131,7 @@ Expected<std::vector<ProblemFile>> read_all(const std::vector<std::string>& path
 int compare_and_report(const ComparisonArguments& arguments, const std::vector<ProblemFile>& problems,
                        const std::vector<Contestant>& contestants, const std::string& title) {
   ComparisonSettings settings = arguments.settings;
-  const double limit = parse_options(arguments.solver)->time_limit_s;
+  const double limit = parse_research_options(arguments.solver)->time_limit_s;
   if (!arguments.solver.time_limit_s.empty()) settings.time_limit_s = limit;
   std::vector<Entry> recorded;
   for (const std::string& path : arguments.recorded) {

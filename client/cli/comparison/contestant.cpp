@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "base/program.h"
-#include "marble/solver.h"
+#include "marble/research/methods.h"
 #include "output/json.h"
 #include "output/text_table.h"
 
@@ -41,7 +41,7 @@ Attempt solve_by(const Options& options, const OwnedProblem& problem, double tim
   SolveControls controls;
   controls.stop = stop;
   controls.initial_z = problem.initial_z;
-  auto solution = solve_in_process(problem.view(), limited, controls);
+  auto solution = research::solve_in_process(problem.view(), limited, controls);
   if (!solution) return failed(solution.error().message());
   return {to_string(solution->status), "",
           std::move(solution->z),      solution->times.setup_s + solution->times.solve_s,

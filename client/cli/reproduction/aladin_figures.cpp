@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "marble/composite/counter_random.h"
-#include "marble/solver.h"
+#include "marble/research/methods.h"
 
 namespace marble::cli {
 namespace {
@@ -78,8 +78,8 @@ Expected<AladinRun> run_once(AladinStart start, Method method, std::uint64_t see
   options.equality_tolerance = options.inequality_tolerance = options.complementarity_tolerance =
       options.stationarity_tolerance = 1e-14;
   Way way(run);
-  const auto answer = solve_in_process(aladin_example(static_cast<int>(z.size() / 2)).view(), options,
-                                       {.progress = &way, .stop = stop, .initial_z = z});
+  const auto answer = research::solve_in_process(aladin_example(static_cast<int>(z.size() / 2)).view(),
+                                                 options, {.progress = &way, .stop = stop, .initial_z = z});
   if (!answer) return unexpected(answer.error());
   if (answer->status == Status::cancelled)
     return unexpected(failure(ErrorCode::cancelled, "interrupted: there is no table"));

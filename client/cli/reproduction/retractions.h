@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "marble/conditioning.h"
 #include "marble/problem_file.h"
+#include "marble/research/conditioning.h"
 
 namespace marble::cli {
 

@@ -62,6 +62,7 @@ struct OptionInfo {
   std::string_view unit;                      ///< "s" for seconds; empty for a pure number
   std::string_view doc;                       ///< one line for users
   std::span<const std::string_view> choices;  ///< names of a choice's values; empty otherwise
+  bool research;                              ///< serves only the paper's algorithm and comparisons
 };
 
 /// Returns all options in the order of options.def.
@@ -76,8 +77,12 @@ struct OptionInfo {
 /// Reads one option as a number. The name must exist.
 [[nodiscard]] double get_option(const Options& options, std::string_view name);
 
-/// Checks every option against its range.
+/// Checks every option against its range, and that `method` is marble. The library marble_research runs the
+/// other methods.
 [[nodiscard]] Expected<void> validate(const Options& options);
+
+/// Checks only the ranges.
+[[nodiscard]] Expected<void> validate_ranges(const Options& options);
 
 /// The same for solves in which option explain has no meaning and must be off: in sessions, coupled and
 /// scenario solves.

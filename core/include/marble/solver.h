@@ -19,6 +19,7 @@
 
 namespace marble {
 
+class ReferenceMethods;
 struct Shift;
 
 /// Runs independent tasks of one solve.
@@ -69,13 +70,17 @@ struct SetupControls {
   Pause* pause = nullptr;     ///< as in SolveControls
   /// The time at which the set-up ends; by default never.
   std::chrono::steady_clock::time_point until = std::chrono::steady_clock::time_point::max();
+  /// The published methods of option `method`: marble/research/methods.h has them. Without them, only
+  /// method = marble is valid.
+  const ReferenceMethods* reference_methods = nullptr;
 };
 
 /// Owns a scaled copy of the problem, the symbolic factorization and all workspace.
 /// One thread at a time may use a Solver; different Solvers are independent.
 class Solver {
  public:
-  /// Scales, analyses and allocates. Options must be valid. The symbolic factorization gives the memory and
+  /// Scales, analyses and allocates. Options must be valid; with reference_methods in the controls, `method`
+  /// may be any, else only marble. The symbolic factorization gives the memory and
   /// the flops before anything numeric is allocated; a problem that needs more than the controls allow is
   /// refused with resource_exhausted, field "problem". A set-up that ends early returns cancelled or
   /// deadline_exceeded.

@@ -143,11 +143,11 @@ Expected<Coordinator::End> Coordinator::iterate(int most, bool may_unblock) {
     if (apart < best_apart) {
       best_apart = apart, best = state_, since_best = 0;
       if (newton_ < 1.0 && ++gains_ >= tuning::coupled_gains) {
-        newton_ = std::min(1.0, newton_ / tuning::coupled_shorter);
+        newton_ = std::min(1.0, 2.0 * newton_);
         gains_ = 0;
       }
     }
-    const bool idle = frozen() && since_best >= tuning::coupled_idle;
+    const bool idle = frozen() && since_best >= tuning::short_patience;
     const bool apart_again = !(apart <= tuning::coupled_apart * best_apart);
     if ((idle || apart_again) && !best.asks.empty() && may_go_back()) {
       if (!go_back(best)) return End::stopped;
@@ -173,12 +173,12 @@ bool Coordinator::go_back(const State& best) {
   state_ = best;
   gains_ = 0;
   if ((frozen() || !failed) && newton_ > tuning::coupled_least_step) {
-    newton_ *= tuning::coupled_shorter;
+    newton_ *= 0.5;
     return agree();
   }
   ++raises_;
   newton_ = 1.0;
-  proximal_ *= tuning::coupled_raise;
+  proximal_ *= tuning::penalty_factor;
   for (BlockAsk& ask : state_.asks) ask.proximal = proximal_;
   return true;
 }

@@ -1,5 +1,6 @@
 #include "composite/dense.h"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/Householder>
 #include <Eigen/Jacobi>
 #include <algorithm>
@@ -109,7 +110,7 @@ bool iterate(VectorXd& diagonal, VectorXd& subdiagonal, MatrixXd& vectors, Check
     }
     while (last > 0 && subdiagonal[last - 1] == 0.0) --last;
     if (last == 0) break;
-    if (steps >= tuning::eigen_steps * n) return false;
+    if (steps >= Eigen::SelfAdjointEigenSolver<MatrixXd>::m_maxIterations * n) return false;
     Size first = last - 1;
     while (first > 0 && subdiagonal[first - 1] != 0.0) --first;
     step(diagonal, subdiagonal, first, last, vectors);

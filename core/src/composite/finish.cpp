@@ -183,10 +183,10 @@ std::int64_t copy_bytes(const ProblemView& p) {
          static_cast<std::int64_t>(sizeof(double)) * numbers;
 }
 
-// Counts the coordinator's matrix and its sum and, for each block, the responses of the best and the current
-// iteration with the workspace of one response. Also counts copies of the problems (lifted blocks, then the
-// joint problem) and the solutions of the blocks' newest solves and of states that the coordinator may return
-// to.
+// Counts the coordinator's matrix and its sum and, for each block, four matrices of the size of its response:
+// those of the best and the current iteration, and two from which one is made. Also counts two copies of the
+// problems (lifted blocks, then the joint problem) and the solutions of the blocks' newest solves and of
+// states that the coordinator may return to.
 std::int64_t working_bytes(const CoupledView& view) {
   const auto m = std::ssize(view.total);
   std::int64_t dense = 2 * m * m, copies = 0;
@@ -196,10 +196,10 @@ std::int64_t working_bytes(const CoupledView& view) {
     std::int64_t own = 0;
     for (const Index row : block.coupling.row_indices)
       if (std::exchange(seen[at(row)], k + 1) != k + 1) ++own;
-    dense += tuning::coupled_of_block * own * own;
+    dense += 4 * own * own;
     const ProblemView& p = block.problem;
     const std::int64_t numbers = std::ssize(p.g) + std::ssize(p.b) + std::ssize(p.d) + 2 * std::ssize(p.l);
-    copies += tuning::coupled_copies * (copy_bytes(p) + 12 * std::ssize(block.coupling.values)) +
+    copies += 2 * (copy_bytes(p) + 12 * std::ssize(block.coupling.values)) +
               tuning::coupled_answers * static_cast<std::int64_t>(sizeof(double)) * (numbers + own);
   }
   return dense * static_cast<std::int64_t>(sizeof(double)) + copies;

@@ -120,9 +120,9 @@ OutOfSample judged(std::span<const ScenarioNumbers> scenarios, std::span<const R
     const double difference = recourse[s].solution.objective - result.mean;
     variance += scenarios[s].weight / unit / weight * difference * difference;
   }
+  constexpr double normal_quantile = 1.959963984540054;  // at 0.975: half of a 95 % interval
   if (found > 1.0 && std::isfinite(variance))
-    result.half_width =
-        tuning::scenario_normal_quantile * std::sqrt(variance * found / (found - 1.0) * squares) / weight;
+    result.half_width = normal_quantile * std::sqrt(variance * found / (found - 1.0) * squares) / weight;
   return result;
 }
 

@@ -203,7 +203,7 @@ class Levels {
     Options options = settings_.options;
     if (start)
       options.max_local_search_factorizations =
-          std::min(options.max_local_search_factorizations, tuning::scenario_search_budget);
+          std::min(options.max_local_search_factorizations, tuning::scenario_budget);
     if (level.scenarios > 1) options.max_feasibility_factorizations = 0;
     const auto count = static_cast<double>(level.scenarios);
     const double beside = bytes_held() + stages_.assembled_bytes(count) + 2.0 * stages_.answer_bytes(count) +
@@ -324,8 +324,7 @@ class Levels {
     result.options.num_starts = 1;
     result.options.global_search = false;
     result.options.max_local_search_factorizations = result.options.max_feasibility_factorizations = 0;
-    result.options.max_iterations =
-        std::min(result.options.max_iterations, tuning::scenario_recourse_iterations);
+    result.options.max_iterations = std::min(result.options.max_iterations, tuning::scenario_budget);
     return result;
   }
   // Returns how many out-of-sample scenarios fit beside the held memory, each with its numbers, its recourse

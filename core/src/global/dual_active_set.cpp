@@ -130,7 +130,7 @@ bool DualActiveSet::evaluate_slacks() {
 }
 
 Index DualActiveSet::most_violated() const {
-  double worst = tuning::tree_violation;
+  double worst = tuning::zero;
   Index result = -1;
   for (Index row = 0; row < gram_.size(); ++row) {
     if (violation(row) <= worst) continue;
@@ -214,7 +214,7 @@ void DualActiveSet::choose_candidates(Index first) {
   candidates_.clear();
   if (most_candidates_ < 2) return;
   for (Index row = 0; row < gram_.size(); ++row) {
-    if (row != first && violation(row) > tuning::tree_violation) candidates_.push_back(row);
+    if (row != first && violation(row) > tuning::zero) candidates_.push_back(row);
   }
   const auto more = [this](Index a, Index b) { return violation(a) > violation(b); };
   if (candidates_.size() >= static_cast<std::size_t>(most_candidates_)) {
@@ -231,7 +231,7 @@ Index DualActiveSet::next_candidate() {
     double v = v_center_[row];
     for (const Index held : held_) v += (mu_[held] - mu_center_[held]) * gram_(held)[row];
     v_[row] = v;
-    if (violation(row) > (worst < 0 ? tuning::tree_violation : violation(worst))) worst = row;
+    if (violation(row) > (worst < 0 ? tuning::zero : violation(worst))) worst = row;
   }
   return worst;
 }

@@ -22,7 +22,7 @@ namespace marble {
 struct Box {
   /// Computes the bounds that the rows imply, each with the bounds of its other variables, in this number of
   /// passes; |z|∞ ≤ far (user units) where they imply none.
-  Box(const ScaledProblem& problem, double far, int passes = tuning::box_passes);
+  Box(const ScaledProblem& problem, double far, int passes = tuning::few_passes);
   Vector lower, upper;  ///< ±∞ where rows imply none
   Vector radius;        ///< for those variables
   /// True if rows bound every variable, so that bounds in the box hold everywhere.

@@ -68,8 +68,7 @@ void Expander::expand_node(Expansion& e, const Interrupt& interrupt) {
   const Index pair = choice.pair;
   const bool free = pair >= 0;
   const Vector& v = relaxation_->slacks();
-  const bool complementary =
-      !free || std::min(v[rows.s(pair)], v[rows.t(pair)]) <= tuning::tree_complementary;
+  const bool complementary = !free || std::min(v[rows.s(pair)], v[rows.t(pair)]) <= tuning::zero;
   if (e.suggest || (complementary && !e.node.exhausted)) e.suggestion = suggestion();
   if (!free || (complementary && !e.node.exhausted)) {
     e.outcome = free ? Expansion::Outcome::complementary : Expansion::Outcome::leaf;
@@ -154,7 +153,7 @@ Expander::Choice Expander::choose(const Expansion& e) const {
       largest_side = std::min(s, t);
       largest = pair;
     }
-    if (std::min(s, t) <= tuning::tree_complementary) continue;
+    if (std::min(s, t) <= tuning::zero) continue;
     const double score = e.costs->score(pair, s, t);
     if (score <= best_score) continue;
     best_score = score;

@@ -27,7 +27,7 @@ bool ProximalSystem::factor(double rho, double delta) {
 bool ProximalSystem::solve(VectorRef x, VectorRef y) {
   x_.setZero();
   y_.setZero();
-  for (int sweep = 0; sweep < tuning::tree_sweeps; ++sweep) {
+  for (int sweep = 0; sweep < tuning::few_passes; ++sweep) {
     rest_x_ = x;
     rest_y_ = y;
     if (sweep > 0) {

@@ -122,8 +122,8 @@ bool InteriorPoint::begin() {
     most = std::max(most, rows_[row]);
   }
   // The multipliers are −rows_ at this point.
-  const double primal = std::max(0.0, -1.5 * least) + tuning::tree_interior_least;
-  const double dual = std::max(0.0, 1.5 * most) + tuning::tree_interior_least;
+  const double primal = std::max(0.0, -1.5 * least) + tuning::interior_inside;
+  const double dual = std::max(0.0, 1.5 * most) + tuning::interior_inside;
   double product = 0.0, sum_w = 0.0, sum_mu = 0.0;
   for (Index row = 0; row < w_.size(); ++row) {
     w_[row] = rows_[row] + primal;
@@ -191,7 +191,7 @@ std::optional<InteriorPoint::End> InteriorPoint::examine(const Box& box, double 
 bool InteriorPoint::contradicts(const Box& box, double largest) {
   ray_y_ = y_ / largest;
   ray_mu_ = mu_ / largest;
-  for (int pass = 0; pass < tuning::tree_ray_passes; ++pass) {
+  for (int pass = 0; pass < tuning::proof_passes; ++pass) {
     take_signs(
         ray_mu_, [this](Index row) { return is_fixed(row); }, signed_);
     if (dual_bound_.contradicts(box, ray_y_, signed_)) return true;
@@ -309,7 +309,7 @@ std::vector<Index> InteriorPoint::zero_together(const std::vector<Index>& rows, 
 void InteriorPoint::finish() {
   held_.clear();
   for (Index row = 0; row < w_.size(); ++row) {
-    if (!is_fixed(row) && w_[row] >= mu_[row] && w_[row] >= tuning::tree_complementary) continue;
+    if (!is_fixed(row) && w_[row] >= mu_[row] && w_[row] >= tuning::zero) continue;
     w_[row] = 0.0;
     held_.push_back(row);
   }

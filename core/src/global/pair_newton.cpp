@@ -14,7 +14,7 @@ bool pair_newton_applies(const ScaledProblem& problem) {
 bool pair_newton(Run& run, const ScaledProblem& problem, BranchPoint& point) {
   const RowLayout& rows = problem.layout;
   double last = std::numeric_limits<double>::infinity();
-  for (int step = 0; step < tuning::pair_newton_steps && !run.interrupted(); ++step) {
+  for (int step = 0; step < tuning::engine_budget && !run.interrupted(); ++step) {
     for (Index pair = 0; pair < rows.pairs; ++pair) point.set.held[point.set.free_row(pair)] = 0;
     point.set.clear_others(point.x.lambda());
     if (!point.factor(run, tuning::exact_rho, tuning::exact_delta) || !point.sharpen(tuning::rounding))

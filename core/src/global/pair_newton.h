@@ -15,7 +15,7 @@ namespace marble {
 
 /// Starts from the branch at `point`. Returns true if it ends on a branch whose rows determine a point
 /// without negative sides, which is then in `point`. Returns false if the sum of the negative sides does not
-/// fall, if it takes more than tuning::pair_newton_steps, or if a branch is singular.
+/// fall, if it takes more than tuning::engine_budget, or if a branch is singular.
 [[nodiscard]] bool pair_newton(Run& run, const ScaledProblem& problem, BranchPoint& point);
 
 }  // namespace marble

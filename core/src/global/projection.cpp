@@ -62,13 +62,14 @@ void Projection::center() {
   weights.delta = tuning::tree_delta;
   Vector z = -nearest_.g, y = Vector::Zero(nearest_.equalities());
   Vector rows(layout.size()), lacking(layout.size()), equality(nearest_.equalities()), dz, dy, last;
+  constexpr double margin = 1.0;  // the size of scaled data
   for (int pass = 0; pass < tuning::set_centerings; ++pass) {
     multiply(nearest_.rows, z, rows);
     rows += nearest_.offset;
     for (Index row = 0; row < layout.size(); ++row) {
-      const bool lacks = rows[row] < tuning::set_margin;
+      const bool lacks = rows[row] < margin;
       weights.rows.all[row] = lacks ? tuning::set_weight : 0.0;
-      lacking[row] = lacks ? tuning::set_weight * (tuning::set_margin - rows[row]) : 0.0;
+      lacking[row] = lacks ? tuning::set_weight * (margin - rows[row]) : 0.0;
     }
     if (pass > 0 && weights.rows.all == last) break;
     last = weights.rows.all;

@@ -32,8 +32,8 @@ class PseudoCosts {
 
   /// Returns the score of a pair whose sides are s and t; higher is better.
   [[nodiscard]] double score(Index pair, double s, double t) const {
-    return std::max(expected(pair, true) * s, tuning::tree_least_gain) *
-           std::max(expected(pair, false) * t, tuning::tree_least_gain);
+    return std::max(expected(pair, true) * s, tuning::near) *
+           std::max(expected(pair, false) * t, tuning::near);
   }
 
   /// Returns the expected increase of the bound if a side that is `amount` away from zero is fixed.

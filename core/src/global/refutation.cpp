@@ -15,7 +15,7 @@ Refutation::Refutation(const Problem& problem, const Options& options, const Sol
       zero_(static_cast<std::size_t>(problem.pairs())),
       weight_(static_cast<std::size_t>(problem.pairs()), 1.0) {}
 
-bool Refutation::is_over() const { return nodes_ >= tuning::conflict_nodes || interrupt_.requested(); }
+bool Refutation::is_over() const { return nodes_ >= Options().node_limit || interrupt_.requested(); }
 
 // Returns the distance of a pair from having a side at zero, or 0 if it is within the tolerance.
 double Refutation::apart(Index pair, ConstVectorRef z) const {

@@ -140,7 +140,7 @@ Relaxation::End Relaxation::solve(const Box& box, double cutoff, const Interrupt
     if (bound_ >= cutoff) return End::cutoff;
     if (end == DualActiveSet::End::optimal) {
       const bool small =
-          std::isfinite(bound_) && dual_bound_.paid() <= tuning::tree_paid * (1.0 + std::abs(bound_));
+          std::isfinite(bound_) && dual_bound_.paid() <= tuning::exactness * (1.0 + std::abs(bound_));
       const bool no_better = std::isfinite(paid) && dual_bound_.paid() > 0.5 * paid;
       if (small || no_better) return undecided ? End::undecided : End::optimal;
       paid = dual_bound_.paid();

@@ -26,7 +26,7 @@ double RowProof::bound(const Box& box, ConstVectorRef z, const Vector& multiplie
     if (!system_.minimize(multipliers, z_, y_)) break;
     best = std::max(best, dual_bound_.of_objective(box, z_, y_, multipliers));
     const double last = std::exchange(paid, dual_bound_.paid());
-    if (std::isfinite(paid) && (paid <= tuning::tree_paid * (1.0 + std::abs(best)) || paid > 0.5 * last))
+    if (std::isfinite(paid) && (paid <= tuning::exactness * (1.0 + std::abs(best)) || paid > 0.5 * last))
       break;
   }
   return best;
@@ -44,7 +44,7 @@ bool RowProof::hold(ConstVectorRef z, const Vector& multipliers) {
   if (!system_.kkt().factor(weights_)) return false;
   z_ = z;
   y_ = Vector::Zero(problem_.equalities());
-  for (int step = 0; step < tuning::tree_sweeps; ++step) {
+  for (int step = 0; step < tuning::few_passes; ++step) {
     multiply(problem_.rows, z_, slacks_);
     slacks_ += problem_.offset;
     held_multipliers_ -= weights_.rows.all.cwiseProduct(slacks_);
@@ -71,7 +71,7 @@ bool RowProof::contradicts(const Box& box, const Vector& multipliers) {
   if (!(size > 0.0) || !std::isfinite(size)) return false;
   ray_ = multipliers / size;
   y_ = Vector::Zero(problem_.equalities());
-  for (int pass = 0; pass < tuning::tree_ray_passes; ++pass) {
+  for (int pass = 0; pass < tuning::proof_passes; ++pass) {
     right_z_.setZero();
     add_transposed(problem_.rows, ray_, right_z_);
     add_transposed(problem_.A, -y_, right_z_);

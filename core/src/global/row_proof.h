@@ -28,7 +28,7 @@ class RowProof {
   [[nodiscard]] double adapt(const Box& box, ConstVectorRef z, const IsFixed& is_fixed, Vector& multipliers,
                              double enough) {
     double best = -std::numeric_limits<double>::infinity();
-    for (int pass = 0; pass < tuning::tree_adaptations; ++pass) {
+    for (int pass = 0; pass < tuning::proof_passes; ++pass) {
       if (!hold(z, multipliers)) break;
       take_signs(held_multipliers_, is_fixed, multipliers);
       best = std::max(best, dual_bound_.of_objective(box, z_, y_, multipliers));

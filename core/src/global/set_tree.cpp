@@ -22,7 +22,7 @@ double node_bytes(const Projection::State& state) {
 SetTree::SetTree(const ScaledProblem& problem) : problem_(problem) {}
 
 bool SetTree::applies(const Run& run) const {
-  return problem_.pairs() >= tuning::set_members && problem_.pairs() <= tuning::conflict_depth &&
+  return problem_.pairs() > 2 && problem_.pairs() <= tuning::conflict_depth &&
          Projection::most_bytes(problem_) <= std::min(tuning::set_bytes, run.bytes_left);
 }
 
@@ -267,7 +267,7 @@ SetTree::End SetTree::run(Run& run, ConstVectorRef z, std::int64_t most_nodes, c
   if (root == Projection::End::interrupted) return End::stopped;
   if (root != Projection::End::contradiction) {
     if (!find_clauses()) return End::stopped;
-    const auto is_set = [](const Clause& clause) { return clause.weak.size() >= tuning::set_members; };
+    const auto is_set = [](const Clause& clause) { return clause.weak.size() > 2; };
     if (std::ranges::none_of(clauses_, is_set)) return End::stopped;
   }
   const std::optional<Nogood> nogood =

@@ -11,7 +11,7 @@ namespace marble {
 
 bool TangentCone::applies(const Images& images, std::span<const Index> biactive) {
   const auto active = (images.rows.inequality().array() <= tuning::zero).count();
-  return active + 2 * static_cast<std::ptrdiff_t>(biactive.size()) <= tuning::tangent_rows;
+  return active + 2 * static_cast<std::ptrdiff_t>(biactive.size()) <= tuning::dense_rows;
 }
 
 TangentCone::TangentCone(const ScaledProblem& problem, const Images& images, std::span<const Index> biactive)

@@ -45,7 +45,7 @@ TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, const Roo
   const PhaseScope phase(run.activity(), Phase::tree);
   const Run::Polishing polishing(run, &Times::tree_s);
   improve_ = std::move(improve);
-  until_improving_ = between_improving_ = tuning::tree_rounds_between_starts;
+  until_improving_ = between_improving_ = tuning::tree_rounds_between;
   TreeResult result = explore(run, z, known_convex, room);
   settle(room);
   improve_ = {};
@@ -370,7 +370,7 @@ bool Tree::round(Run& run) {
     return false;
   }
   std::vector<std::function<void()>> tasks;
-  const bool suggest = rounds_++ % tuning::tree_rounds_between_answers == 0;
+  const bool suggest = rounds_++ % tuning::tree_rounds_between == 0;
   for (std::size_t i = 0; i < chosen_; ++i) {
     Expansion& expansion = expansions_[i];
     expansion.center = &center_;
@@ -445,7 +445,7 @@ void Tree::try_to_improve(Run& run) {
     return;
   if (improve_(run)) {
     tried_.insert(branch_hash(incumbent_.best().set));
-    between_improving_ = tuning::tree_rounds_between_starts;
+    between_improving_ = tuning::tree_rounds_between;
   } else {
     between_improving_ *= 2;
   }

@@ -64,7 +64,7 @@ void VertexTableau::enter(Eigen::Index column, std::span<const HeldRow> held) {
     if (basis_[static_cast<std::size_t>(line)] >= 0) continue;
     if (best < 0 || std::abs(tableau_(line, column)) > std::abs(tableau_(best, column))) best = line;
   }
-  if (best >= 0 && std::abs(tableau_(best, column)) > tuning::conflict_pivot) return pivot(best, column);
+  if (best >= 0 && std::abs(tableau_(best, column)) > tuning::exactness) return pivot(best, column);
   const double sign = multiplier_[column] > 0.0 ? 1.0 : -1.0;
   double step = std::abs(multiplier_[column]);
   Eigen::Index leaving = -1;
@@ -72,7 +72,7 @@ void VertexTableau::enter(Eigen::Index column, std::span<const HeldRow> held) {
     const Eigen::Index of = basis_[static_cast<std::size_t>(line)];
     if (of < 0 || held[places_[static_cast<std::size_t>(of)]].equality) continue;
     const double rate = sign * tableau_(line, column);  // of a multiplier that must stay ≤ 0
-    if (rate <= tuning::conflict_pivot || -multiplier_[of] >= step * rate) continue;
+    if (rate <= tuning::exactness || -multiplier_[of] >= step * rate) continue;
     step = std::max(0.0, -multiplier_[of] / rate);
     leaving = line;
   }
@@ -96,7 +96,7 @@ std::vector<std::size_t> VertexTableau::support(std::span<const HeldRow> held,
   const double largest = max_abs(multiplier_);
   std::vector<std::size_t> left;
   for (const Eigen::Index column : basis_) {
-    if (column >= 0 && std::abs(multiplier_[column]) > tuning::conflict_pivot * largest)
+    if (column >= 0 && std::abs(multiplier_[column]) > tuning::exactness * largest)
       left.push_back(places_[static_cast<std::size_t>(column)]);
   }
   std::ranges::sort(left);

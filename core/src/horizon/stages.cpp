@@ -109,7 +109,7 @@ class Distances {
 // Numbers the component of a variable, from one end to the other. Returns false if interrupted.
 bool number(Distances& distances, Index variable, Checkpoint& checkpoint, std::vector<Index>& stage) {
   if (!distances.measure(variable, checkpoint)) return false;
-  for (Index pass = 0, length = -1; pass < tuning::stage_passes && distances.length() > length; ++pass) {
+  for (Index pass = 0, length = -1; pass < tuning::few_passes && distances.length() > length; ++pass) {
     length = distances.length();
     if (!distances.measure(distances.farthest(), checkpoint)) return false;
   }

@@ -49,16 +49,25 @@ struct OptionTraits<Retraction> {
   static constexpr std::span<const std::string_view> choices = names;
 };
 
+template <class T>
+constexpr OptionInfo row(std::string_view name, T value, T low, T high, std::string_view unit,
+                         std::string_view doc, bool research) {
+  return {name,
+          OptionTraits<T>::kind,
+          static_cast<double>(value),
+          static_cast<double>(low),
+          static_cast<double>(high),
+          unit,
+          doc,
+          OptionTraits<T>::choices,
+          research};
+}
+
 constexpr OptionInfo kTable[] = {
-#define MARBLE_OPTION(type, name, default_value, low, high, unit, doc) \
-  {#name,                                                              \
-   OptionTraits<type>::kind,                                           \
-   static_cast<double>(default_value),                                 \
-   static_cast<double>(low),                                           \
-   static_cast<double>(high),                                          \
-   unit,                                                               \
-   doc,                                                                \
-   OptionTraits<type>::choices},
+#define MARBLE_OPTION(type, name, value, low, high, unit, doc) \
+  row<type>(#name, value, low, high, unit, doc, false),
+#define MARBLE_RESEARCH_OPTION(type, name, value, low, high, unit, doc) \
+  row<type>(#name, value, low, high, unit, doc, true),
 #include "marble/options.def"
 #undef MARBLE_OPTION
 };
@@ -141,6 +150,13 @@ double get_option(const Options& options, std::string_view name) {
 }
 
 Expected<void> validate(const Options& options) {
+  if (auto valid = validate_ranges(options); !valid || options.method == Method::marble) return valid;
+  return unexpected(
+      invalid("method", std::string(OptionTraits<Method>::names[static_cast<std::size_t>(options.method)]),
+              "must be marble; `marble compare` and `marble reproduce` run the others"));
+}
+
+Expected<void> validate_ranges(const Options& options) {
   for (const OptionInfo& info : kTable) {
     if (auto valid = check(info, get_option(options, info.name)); !valid) return valid;
   }

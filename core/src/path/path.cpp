@@ -64,7 +64,7 @@ std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
 
 // The violations are those before the last step: a step later is early enough.
 bool PathEngine::shows_contradiction() {
-  return inner_steps_ >= tuning::suspicion_steps && !within_tolerances(violations_, options_) &&
+  return inner_steps_ >= tuning::short_patience && !within_tolerances(violations_, options_) &&
          screen_.suggests_infeasible(problem_, x_);
 }
 
@@ -109,7 +109,7 @@ void PathEngine::lean(Run& run, ConstVectorRef initial_z, double rho_end) {
   images_.evaluate(problem_, x_);
   sub_.kappa = tuning::lean;
   for (sub_.rho = tuning::lean; sub_.rho < rho_end; sub_.rho *= tuning::lean_rho_factor) {
-    for (int i = 0; i < tuning::lean_steps; ++i) {
+    for (int i = 0; i < tuning::level_steps; ++i) {
       evaluate();
       report(run);
       if (run.interrupted() || residual_norm_ <= tuning::centrality * sub_.kappa) break;

@@ -152,7 +152,7 @@ bool QuadraticEngine::step(Run& run) {
   evaluate();
   read_rows();
   short_steps_ = step_length_ < tuning::path_least_step ? short_steps_ + 1 : 0;
-  return short_steps_ <= tuning::quadratic_short_steps && max_abs(x_.all) <= tuning::runaway;
+  return short_steps_ <= tuning::short_patience && max_abs(x_.all) <= tuning::runaway;
 }
 
 bool QuadraticEngine::shows_new_rows() {

@@ -5,8 +5,8 @@
 #include <limits>
 
 #include "model/retraction.h"
-#include "model/tuning.h"
 #include "path/termination.h"
+#include "research/tuning.h"
 
 namespace marble {
 
@@ -15,7 +15,7 @@ AladinBeta::Copy::Copy(double x, double lambda, double cost, double mu, double r
   const double tau = Softplus(r + x + (lambda - cost) / sigma, mu / sigma).positive;
   value = tau - r;
   slope = cost - mu / tau;
-  curvature = std::min(mu / (tau * tau), tuning::aladin_curvature_most);
+  curvature = std::min(mu / (tau * tau), tuning::scale_range);
 }
 
 AladinBeta::AladinBeta(const ScaledProblem& problem, Kkt& kkt, const Options& options)
@@ -41,7 +41,7 @@ AladinBeta::AladinBeta(const ScaledProblem& problem, Kkt& kkt, const Options& op
 void AladinBeta::start(ConstVectorRef initial_z) {
   const Index rows = problem_.layout.size(), pairs = problem_.pairs();
   mu_ = tuning::barrier_first;
-  rho_ = tuning::barrier_rho_first;
+  rho_ = tuning::barrier_first;
   iterations_ = 0;
   why_back_ = nullptr;
   x_.all.setZero();
@@ -50,8 +50,8 @@ void AladinBeta::start(ConstVectorRef initial_z) {
   alpha_.head(rows) = images_.rows.all;
   for (Index i = 0; i < pairs; ++i) {
     const double product = images_.rows.s()[i] * images_.rows.t()[i];
-    alpha_[rows + i] = std::max(product, tuning::barrier_inside);
-    alpha_[rows + pairs + i] = std::max(-product, tuning::barrier_inside);
+    alpha_[rows + i] = std::max(product, tuning::interior_inside);
+    alpha_[rows + pairs + i] = std::max(-product, tuning::interior_inside);
   }
   lambda_.setZero();
   problem_.layout.t_part(lambda_).setConstant(tuning::barrier_tie);
@@ -130,7 +130,7 @@ double AladinBeta::merit() const {
   double violation = images_.equality.cwiseAbs().sum() - images_.rows.all.cwiseMin(0.0).sum();
   for (Index i = 0; i < problem_.pairs(); ++i)
     violation += std::abs(std::min(images_.rows.s()[i], images_.rows.t()[i]));
-  return images_.objective + tuning::aladin_rho_most * violation;
+  return images_.objective + tuning::barrier_rho_most_stepwise * violation;
 }
 
 bool AladinBeta::converged() const {
@@ -165,7 +165,7 @@ ReferenceMethod::State AladinBeta::step(Run& run) {
   ++iterations_;
   if (converged()) return State::ended;
   mu_ = std::max(tuning::barrier_least, tuning::barrier_factor * mu_);
-  rho_ = std::min(tuning::aladin_rho_most, tuning::barrier_rho_factor * rho_);
+  rho_ = std::min(tuning::barrier_rho_most_stepwise, tuning::barrier_rho_factor * rho_);
   return State::going_on;
 }
 

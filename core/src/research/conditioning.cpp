@@ -1,8 +1,9 @@
-#include "marble/conditioning.h"
+#include "marble/research/conditioning.h"
 
 #include "model/printed.h"
-#include "path/full_jacobian.h"
+#include "model/tuning.h"
 #include "path/path.h"
+#include "research/full_jacobian.h"
 
 namespace marble {
 

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "model/tuning.h"
 #include "path/keep_positive.h"
 #include "path/termination.h"
 #include "research/newton_system.h"
+#include "research/tuning.h"
 
 namespace marble {
 
@@ -19,7 +19,7 @@ L1Barrier::L1Barrier(const ScaledProblem& problem, Kkt& kkt, const Options& opti
       kkt_(kkt),
       options_(options),
       schedule_(schedule),
-      relaxed_by_(schedule == Schedule::no_penalty ? tuning::barrier_relaxed : 0.0),
+      relaxed_by_(schedule == Schedule::no_penalty ? tuning::barrier_least : 0.0),
       rho_most_(schedule == Schedule::every_step ? tuning::barrier_rho_most_stepwise
                                                  : tuning::barrier_rho_most),
       weights_(problem),
@@ -49,13 +49,13 @@ L1Barrier::L1Barrier(const ScaledProblem& problem, Kkt& kkt, const Options& opti
 // Equal sides would stay equal in exact arithmetic; the first multipliers break the tie.
 void L1Barrier::start(ConstVectorRef initial_z) {
   mu_ = tuning::barrier_first;
-  rho_ = tuning::barrier_rho_first;
+  rho_ = tuning::barrier_first;
   delta_ = 0.0;
   steps_here_ = 0;
   x_.all.setZero();
   x_.z() = initial_z;
   images_.evaluate(problem_, x_);
-  slack_.all = images_.rows.all.cwiseMax(tuning::barrier_inside);
+  slack_.all = images_.rows.all.cwiseMax(tuning::interior_inside);
   nu_.all = mu_ * slack_.all.cwiseInverse();
   nu_.t().array() += tuning::barrier_tie;
   for (Index i = 0; i < problem_.pairs(); ++i) {

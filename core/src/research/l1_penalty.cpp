@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "model/tuning.h"
+#include "research/tuning.h"
 
 namespace marble {
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
-#include "model/tuning.h"
 #include "path/noise.h"
+#include "research/tuning.h"
 
 namespace marble {
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "model/tuning.h"
 #include "path/termination.h"
+#include "research/tuning.h"
 
 namespace marble {
 

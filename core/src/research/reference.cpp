@@ -1,13 +1,13 @@
 #include "research/reference.h"
 
 #include "model/text_of.h"
-#include "model/tuning.h"
 #include "research/aladin_beta.h"
 #include "research/l1_barrier.h"
 #include "research/l1_penalty.h"
 #include "research/penalty_scp.h"
 #include "research/quadratic_penalty.h"
 #include "research/scholtes.h"
+#include "research/tuning.h"
 
 namespace marble {
 namespace {
@@ -43,7 +43,33 @@ std::string name_of(Method method) {
   return {};
 }
 
+class Methods final : public ReferenceMethods {
+ public:
+  [[nodiscard]] std::unique_ptr<ReferenceSolve> create(const ScaledProblem& problem, Kkt& kkt,
+                                                       const Options& options,
+                                                       BranchEngines& branch) const override {
+    return std::make_unique<Reference>(problem, kkt, options, branch);
+  }
+  // Counts a copy of the problem without pairs, its engines, and the best point.
+  [[nodiscard]] double bytes(double entries, double iterate) const override {
+    return entries * (sizeof(double) + 2.0 * sizeof(Index)) +
+           tuning::memory_iterates * iterate * sizeof(double);
+  }
+};
+
 }  // namespace
+
+const ReferenceMethods& research::reference_methods() {
+  static const Methods methods;
+  return methods;
+}
+
+Expected<Solution> research::solve_in_process(const ProblemView& view, const Options& options,
+                                              const SolveControls& controls) {
+  const auto problem = Problem::create(view);
+  if (!problem) return unexpected(problem.error());
+  return solve_once(*problem, options, controls, {.reference_methods = &reference_methods()});
+}
 
 Reference::Reference(const ScaledProblem& problem, Kkt& kkt, const Options& options, BranchEngines& branch)
     : problem_(problem),
@@ -54,12 +80,6 @@ Reference::Reference(const ScaledProblem& problem, Kkt& kkt, const Options& opti
       best_(problem),
       images_(problem),
       reporter_(problem) {}
-
-// Counts a copy of the problem without pairs, its engines, and the best point.
-double Reference::bytes(double entries, double iterate) {
-  return entries * (sizeof(double) + 2.0 * sizeof(Index)) +
-         tuning::memory_iterates * iterate * sizeof(double);
-}
 
 void Reference::take(const Iterate& x) {
   x_.z() = x.z();

@@ -4,27 +4,19 @@
 
 #include <memory>
 
-#include "branch/branch_engines.h"
+#include "marble/research/methods.h"
 #include "path/reporter.h"
-#include "path/termination.h"
 #include "research/reference_method.h"
+#include "solver/reference_methods.h"
 
 namespace marble {
 
-class Reference {
+class Reference final : public ReferenceSolve {
  public:
-  /// Works on `branch` if a method needs one.
   Reference(const ScaledProblem& problem, Kkt& kkt, const Options& options, BranchEngines& branch);
 
-  /// Runs the selected method from z (scaled). Returns solved if the point is within the tolerances and
-  /// stationary, almost_solved if it is within 100 times of them, and locally_infeasible if the largest
-  /// penalty did not suffice.
-  [[nodiscard]] Ending run(Run& run, ConstVectorRef initial_z);
-  /// Returns the final point, or the best point so far if the run was interrupted.
-  [[nodiscard]] const Iterate& iterate() const { return x_; }
-
-  /// Returns the memory of one object, for a problem with this many entries and an iterate of this length.
-  [[nodiscard]] static double bytes(double entries, double iterate);
+  [[nodiscard]] Ending run(Run& run, ConstVectorRef initial_z) override;
+  [[nodiscard]] const Iterate& iterate() const override { return x_; }
 
  private:
   void take(const Iterate& x);

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "model/tuning.h"
+#include "research/tuning.h"
 #include "search/without_pairs.h"
 
 namespace marble {

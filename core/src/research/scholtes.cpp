@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "model/tuning.h"
 #include "path/keep_positive.h"
 #include "path/termination.h"
 #include "research/newton_system.h"
+#include "research/tuning.h"
 
 namespace marble {
 
@@ -32,8 +32,8 @@ ScholtesRelaxation::ScholtesRelaxation(const ScaledProblem& problem, Kkt& kkt, c
       gradient_(problem.variables()) {}
 
 void ScholtesRelaxation::start(ConstVectorRef initial_z) {
-  tau_ = tuning::scholtes_first;
-  kappa_ = tuning::scholtes_kappa * tau_;
+  tau_ = tuning::interior_first_kappa;
+  kappa_ = tuning::scholtes_factor * tau_;
   delta_ = 0.0;
   short_steps_ = steps_here_ = 0;
   x_.all.setZero();
@@ -134,14 +134,14 @@ ReferenceMethod::State ScholtesRelaxation::step(Run& run) {
   short_steps_ = step_length_ < tuning::path_least_step ? short_steps_ + 1 : 0;
   if (short_steps_ > tuning::patience) return State::failed;
   ++steps_here_;
-  const bool centered = residual_ <= tuning::scholtes_kappa * kappa_;
+  const bool centered = residual_ <= tuning::scholtes_factor * kappa_;
   if (!centered && steps_here_ < tuning::engine_budget) return State::going_on;
   if (within_tolerances(violations(problem_, images_), options_) &&
       kappa_ <= options_.stationarity_tolerance && residual_ <= options_.stationarity_tolerance)
     return State::ended;
   if (tau_ <= tuning::scholtes_least) return State::given_up;
   tau_ *= tuning::scholtes_factor;
-  kappa_ = tuning::scholtes_kappa * tau_;
+  kappa_ = tuning::scholtes_factor * tau_;
   steps_here_ = 0;
   evaluate();
   return State::going_on;

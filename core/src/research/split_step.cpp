@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "model/tuning.h"
 #include "research/newton_system.h"
+#include "research/tuning.h"
 
 namespace marble {
 

@@ -256,7 +256,7 @@ bool BranchSearch::start_from(Run& run, const Iterate& solution, double referenc
   const Run::Polishing polishing(run);
   const int before = run.factorizations;
   const int last = before + tuning::engine_budget + options_.max_local_search_factorizations;
-  SearchPlan mend = near_exact(tuning::warm_patience);
+  SearchPlan mend = near_exact(tuning::short_patience);
   mend.resumes = std::exchange(stage, Stage::beginning) == Stage::mending;
   bool small_change = false;
   if (!mend.resumes) {
@@ -267,7 +267,7 @@ bool BranchSearch::start_from(Run& run, const Iterate& solution, double referenc
     const int work = run.factorizations - before;
     small_change = work <= tuning::warm_small_change;
     const bool search = work > tuning::warm_tiny_change && options_.max_local_search_factorizations > 0;
-    if (search && pulling(incumbent_) > 0 && search_.run(run, near_exact(tuning::warm_patience), last) &&
+    if (search && pulling(incumbent_) > 0 && search_.run(run, near_exact(tuning::short_patience), last) &&
         search_.accepted() > 0)
       static_cast<void>(incumbent_.solve_branch(run, "warm start, local search", tuning::engine_budget));
   } else {

@@ -19,7 +19,7 @@ namespace marble {
 /// The values of ρ of a search, and its effort at each.
 struct SearchPlan {
   double rho_first;
-  double rho_factor = tuning::search_rho_factor;
+  double rho_factor = tuning::penalty_factor;
   double rho_last = tuning::exact_rho;
   double rho_soft = 0.0;  ///< switches are searched at the first ρ, up to this one, and at the last
   double rho_exchange = std::numeric_limits<double>::infinity();  ///< exchanges are searched from this ρ on

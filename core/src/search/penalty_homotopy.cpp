@@ -109,7 +109,7 @@ bool PenaltyHomotopy::run(Run& run, ConstVectorRef initial_z, int last) {
   const double before = products();
   for (;; penalty_ *= tuning::homotopy_factor) {
     double falls = 1.0;
-    for (int i = 0; i < tuning::homotopy_steps && falls > tuning::near; ++i) {
+    for (int i = 0; i < tuning::level_steps && falls > tuning::near; ++i) {
       linearize();
       if (!solve(run, last)) return false;
       falls = step();

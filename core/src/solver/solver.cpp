@@ -151,6 +151,11 @@ Solution answer(const ScaledProblem& problem, const Options& options, const Endi
   return solution;
 }
 
+// Published methods are valid only where the caller has brought them.
+Expected<void> validate_with(const ReferenceMethods* methods, const Options& options) {
+  return methods != nullptr ? validate_ranges(options) : validate(options);
+}
+
 // With other equations, an interrupted solve cannot be resumed.
 bool change_method(const Options& before, const Options& now) {
   return before.method != now.method || before.path != now.path || before.polish != now.polish ||
@@ -182,12 +187,13 @@ Expected<SensitivityAnswer> sensitivity_of(const Strategy::Answer& found, const 
 
 struct Solver::State {
   State(const Problem& user_problem, const Options& in_force, ScaledProblem scaled,
-        std::unique_ptr<Kkt> chosen_kkt)
+        std::unique_ptr<Kkt> chosen_kkt, const ReferenceMethods* reference_methods)
       : options(in_force),
         sizes(PartSizes::of(user_problem)),
         problem(std::move(scaled)),
         kkt(std::move(chosen_kkt)),
-        strategy(problem, *kkt, options),
+        methods(reference_methods),
+        strategy(problem, *kkt, options, methods),
         initial_z(problem.variables()),
         warm_start(problem) {}
 
@@ -198,6 +204,7 @@ struct Solver::State {
   PartSizes sizes;
   ScaledProblem problem;
   std::unique_ptr<Kkt> kkt;
+  const ReferenceMethods* methods;
   Strategy strategy;
   Vector initial_z;
   Iterate warm_start;
@@ -243,7 +250,8 @@ Solver::~Solver() = default;
 
 Expected<Solver> Solver::create(const Problem& problem, const Options& user_options,
                                 const SetupControls& controls) {
-  if (auto valid = validate(user_options); !valid) return unexpected(valid.error());
+  const ReferenceMethods* const methods = controls.reference_methods;
+  if (auto valid = validate_with(methods, user_options); !valid) return unexpected(valid.error());
   const Options options = in_force(user_options);
   const Interrupt interrupt(controls.stop, controls.until, controls.pause);
   const auto begin = interrupt.now();
@@ -252,7 +260,7 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& user_opti
                               std::to_string(static_cast<std::int64_t>(bytes)) + " bytes of memory",
                               "a solver may take at most " + std::to_string(controls.most_bytes)));
   };
-  const double own_bytes = least_solver_bytes(sizes_of(problem), options);
+  const double own_bytes = least_solver_bytes(sizes_of(problem), options, methods);
   const auto limit = static_cast<double>(controls.most_bytes);
   if (own_bytes > limit) return refuse(own_bytes);
   if (interrupt.requested()) return unexpected(ended(interrupt.stop_requested()));
@@ -270,7 +278,7 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& user_opti
   const double factor_bytes = kkt->bytes() + FurtherStarts::extra_bytes(options, kkt->bytes());
   if (own_bytes + factor_bytes > limit) return refuse(own_bytes + factor_bytes);
   if (interrupt.requested()) return unexpected(ended(interrupt.stop_requested()));
-  auto state = std::make_unique<State>(problem, options, std::move(scaled), std::move(kkt));
+  auto state = std::make_unique<State>(problem, options, std::move(scaled), std::move(kkt), methods);
   state->setup_s = std::chrono::duration<double>(interrupt.now() - begin).count();
   const double tree_bytes = std::min(limit - own_bytes - factor_bytes, tuning::tree_most_bytes);
   const double kept_bytes =
@@ -297,7 +305,7 @@ void Solver::take(const ProblemUpdate& checked) {
 }
 
 Expected<void> Solver::set_options(const Options& options) {
-  if (auto valid = validate(options); !valid) return valid;
+  if (auto valid = validate_with(state_->methods, options); !valid) return valid;
   take(options);
   return {};
 }

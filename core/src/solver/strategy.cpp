@@ -12,9 +12,11 @@
 
 namespace marble {
 
-Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& options)
+Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& options,
+                   const ReferenceMethods* methods)
     : problem_(problem),
       options_(options),
+      methods_(methods),
       kkt_(kkt),
       path_(problem, kkt, options),
       branch_(problem, kkt),
@@ -43,7 +45,7 @@ Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z, const std::op
 
 Strategy::Answer Strategy::run_reference(Run& run, ConstVectorRef initial_z) {
   const PhaseScope phase(run.activity(), Phase::path);
-  if (reference_ == nullptr) reference_ = std::make_unique<Reference>(problem_, kkt_, options_, branch_);
+  if (reference_ == nullptr) reference_ = methods_->create(problem_, kkt_, options_, branch_);
   return {reference_->run(run, initial_z), &reference_->iterate()};
 }
 

@@ -16,16 +16,17 @@
 #include "global/tree.h"
 #include "path/path.h"
 #include "path/termination.h"
-#include "research/reference.h"
 #include "search/branch_search.h"
 #include "search/incumbent.h"
 #include "solver/optimality.h"
+#include "solver/reference_methods.h"
 
 namespace marble {
 
 class Strategy {
  public:
-  Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& options);
+  /// `methods` is needed where option `method` may be one of them.
+  Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& options, const ReferenceMethods* methods);
 
   /// A starting solution (scaled), and the objective of the last cold start before it.
   struct WarmStart {
@@ -176,6 +177,7 @@ class Strategy {
 
   const ScaledProblem& problem_;
   const Options& options_;
+  const ReferenceMethods* methods_;
   Kkt& kkt_;
   PathEngine path_;
   BranchEngines branch_;
@@ -185,9 +187,9 @@ class Strategy {
   PathPoint path_point_;
   std::optional<ExactSolution> start_;  // the caller's feasible start: its branch's solution, or itself
   bool start_is_exact_ = false;
-  Stage stage_ = Stage::beginning;        // at which the last run was interrupted
-  std::unique_ptr<Reference> reference_;  // created when first needed
-  std::unique_ptr<Tree> tree_;            // created when first needed
+  Stage stage_ = Stage::beginning;             // at which the last run was interrupted
+  std::unique_ptr<ReferenceSolve> reference_;  // created when first needed
+  std::unique_ptr<Tree> tree_;                 // created when first needed
   double tree_bytes_ = 0.0, kept_tree_bytes_ = 0.0;
   bool keeps_tree_ = false;
   bool looks_for_contradiction_ = false;  // before the path has ended; not where a feasible point is known

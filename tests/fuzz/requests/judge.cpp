@@ -176,7 +176,7 @@ void expect_stationary(const Answer& a, const Options& options, const testing::V
                        (a.x.status == Status::solved ? 1.0 : 100.0);
   FUZZ_JUDGE_AT_MOST(verdict.stationarity, std::max(kRelative, 10.0 * loose));
   FUZZ_JUDGE_AT_MOST(verdict.wrong_sign, std::max(kRelative, loose) * size);
-  if (!options.polish || options.method != Method::marble || options.path == Path::algorithm1) return;
+  if (!options.polish || options.path == Path::algorithm1) return;
   FUZZ_JUDGE_AT_MOST(verdict.slackness, std::max(kRelative, 10.0 * loose));
   for (std::size_t i = 0; i < a.left.value.size(); ++i) {
     const double xi = a.x.complementarity_multipliers_L[i], eta = a.x.complementarity_multipliers_R[i];

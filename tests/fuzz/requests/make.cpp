@@ -167,7 +167,7 @@ v1::Problem make_problem_of(int n, int pairs, Draw& draw) {
 void make_options(Draw& draw, v1::SolveOptions* o) {
   if (draw.chance(30)) return;
   if (draw.chance(25)) o->set_path(static_cast<v1::Path>(draw.between(1, 3)));
-  if (draw.chance(20)) o->set_method(static_cast<v1::Method>(draw.between(1, 10)));
+  if (draw.chance(3)) o->set_method(static_cast<v1::Method>(draw.between(1, 10)));
   if (draw.chance(10)) o->set_retraction(static_cast<v1::Retraction>(draw.between(1, 2)));
   if (draw.chance(20)) o->set_global_search(true);
   if (draw.chance(10)) o->set_num_starts(draw.between(1, 4));

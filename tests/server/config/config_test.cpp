@@ -128,9 +128,10 @@ TEST_F(Config, ReportsEveryFaultWithItsLineAndKey) {
       "11: solver.kappa_min = 2: must be in [1e-20, 1]",
       "12: solver.polish = 1: must be true or false",
       "13: solver.nonsense: is not an option",
-      "15: clients.a b.running = -1: must be in [0, 1000000]",
-      "16: clients.a b.speed: is not a setting",
-      "17: clients.a b.roles = root: must be solve, observe or admin"};
+      "14: solver.method = alag: must be marble; `marble compare` and `marble reproduce` run the others",
+      "16: clients.a b.running = -1: must be in [0, 1000000]",
+      "17: clients.a b.speed: is not a setting",
+      "18: clients.a b.roles = root: must be solve, observe or admin"};
   EXPECT_EQ(faults("workers = 5000\n"
                    "queue_jobz = 1\n"
                    "drain_grace_s = \"soon\"\n"
@@ -144,6 +145,7 @@ TEST_F(Config, ReportsEveryFaultWithItsLineAndKey) {
                    "kappa_min = 2.0\n"
                    "polish = 1\n"
                    "nonsense = 1\n"
+                   "method = \"alag\"\n"
                    "[clients.\"a b\"]\n"
                    "running = -1\n"
                    "speed = 1\n"

@@ -112,6 +112,8 @@ INSTANTIATE_TEST_SUITE_P(
               "options.equality_tolerance", "is nan"},
         Fault{"UnknownPath", [](auto& r) { r.mutable_options()->set_path(static_cast<v1::Path>(99)); },
               "options.path", "must be"},
+        Fault{"MethodForResearch", [](auto& r) { r.mutable_options()->set_method(v1::METHOD_ALAG); },
+              "options.method", "must be marble"},
         Fault{"NegativePath", [](auto& r) { r.mutable_options()->set_path(static_cast<v1::Path>(-3)); },
               "options.path", "must be"},
         Fault{"RequestIdTooLong", [](auto& r) { r.set_request_id(std::string(129, 'x')); }, "request_id",

@@ -73,7 +73,7 @@ TEST(TangentCone, WhereOnlyBothSidesTogetherDescendNoBranchDoes) {
 }
 
 TEST(TangentCone, TooManyActiveRowsAreNotTried) {
-  const std::vector<double> g(2 * static_cast<std::size_t>(tuning::tangent_rows), 1.0);
+  const std::vector<double> g(2 * static_cast<std::size_t>(tuning::dense_rows), 1.0);
   Workbench many(corner(g));
   const Images images = many.images(Iterate(many.problem));
   EXPECT_FALSE(TangentCone::applies(images, biactive_pairs(images)));

@@ -5,11 +5,12 @@
 #include <vector>
 
 #include "dense_system.h"
-#include "marble/solver.h"
+#include "marble/research/methods.h"
 #include "random_setting.h"
 #include "research/aladin_beta.h"
 #include "research/newton_system.h"
 #include "research/small_problems.h"
+#include "research/tuning.h"
 #include "support/judges/dense_algebra.h"
 #include "workbench.h"
 
@@ -133,7 +134,7 @@ TEST(AladinBeta, ACopyIsTheMinimumOfItsBarrierWithItsDerivativesThere) {
       }
     }
   }
-  EXPECT_EQ(AladinBeta::Copy(0.0, -1.0, 0.0, 1e-14, 1e-14).curvature, tuning::aladin_curvature_most);
+  EXPECT_EQ(AladinBeta::Copy(0.0, -1.0, 0.0, 1e-14, 1e-14).curvature, tuning::scale_range);
 }
 
 // (17) as one dense system: of dz, dq, dm, y and the multiplier of the linearized products.
@@ -207,7 +208,8 @@ TEST(AladinBeta, ReportsEqualSidesApart) {
   const std::vector<double> start = {1.0, 1.0};
   for (const Method method : {Method::aladin_beta, Method::l1_barrier, Method::l1_barrier_stepwise}) {
     const Solution s =
-        solve_in_process(p.view(), {.scaling_passes = 0, .method = method}, {.initial_z = start}).value();
+        research::solve_in_process(p.view(), {.scaling_passes = 0, .method = method}, {.initial_z = start})
+            .value();
     EXPECT_EQ(s.status, Status::solved) << s.detail;
     EXPECT_NEAR(s.z[0], 1.0, 1e-5) << s.detail;
     EXPECT_NEAR(s.z[1], 0.0, 1e-5) << s.detail;
@@ -218,7 +220,7 @@ TEST(AladinBeta, WhereItsMeritRisesThePenaltyBarrierGoesOnAndItSaysSo) {
   int solved = 0, fallen_back = 0;
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const OwnedProblem p = testing::random_problem({}, seed);
-    const Solution s = solve_in_process(p.view(), {.method = Method::aladin_beta}).value();
+    const Solution s = research::solve_in_process(p.view(), {.method = Method::aladin_beta}).value();
     fallen_back += s.detail.find("l1_barrier went on from the best point") != std::string::npos;
     solved += s.status == Status::solved;
     if (s.status == Status::solved) {

@@ -1,10 +1,10 @@
 // penalty_scp and l1_penalty: both are QPs without complementarity, whose minima are known on one pair.
 #include <gtest/gtest.h>
 
-#include "model/tuning.h"
 #include "research/l1_penalty.h"
 #include "research/penalty_scp.h"
 #include "research/small_problems.h"
+#include "research/tuning.h"
 #include "workbench.h"
 
 namespace marble {

@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "marble/examples.h"
-#include "marble/solver.h"
+#include "marble/research/methods.h"
 #include "research/small_problems.h"
 #include "support/judges/independent_check.h"
 #include "support/problems/random_problem.h"
@@ -19,7 +19,7 @@ bool is_barrier(Method method) { return method >= Method::aladin_beta || method 
 
 TEST(Reference, EveryMethodEndsAtTheOneMinimum) {
   for (const Method method : kOthers) {
-    const Solution s = solve_in_process(testing::two_sides(1.0).view(), {.method = method}).value();
+    const Solution s = research::solve_in_process(testing::two_sides(1.0).view(), {.method = method}).value();
     EXPECT_EQ(s.status, Status::solved) << s.detail;
     EXPECT_NEAR(s.objective, 0.5, 3e-6) << s.detail;
     EXPECT_NEAR(s.complementarity_multipliers_L[0], -1.0, 1e-4) << s.detail;
@@ -32,7 +32,7 @@ TEST(Reference, MostConvexProblemsAreSolvedByEachAndNoAnswerIsBetterThanItIsRepo
     int solved = 0;
     for (std::uint64_t seed = 1; seed <= 20; ++seed) {
       const OwnedProblem p = testing::random_problem({}, seed);
-      const Solution s = solve_in_process(p.view(), {.method = method}).value();
+      const Solution s = research::solve_in_process(p.view(), {.method = method}).value();
       if (s.status != Status::solved) continue;
       ++solved;
       EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 2e-6) << s.detail;
@@ -47,7 +47,7 @@ TEST(Reference, MostConvexProblemsAreSolvedByEachAndNoAnswerIsBetterThanItIsRepo
 TEST(Reference, WhatHasNoFeasibleBranchIsNotCalledSolved) {
   for (const Method method : kOthers) {
     const Solution s =
-        solve_in_process(testing::without_feasible_branch().view(), {.method = method}).value();
+        research::solve_in_process(testing::without_feasible_branch().view(), {.method = method}).value();
     EXPECT_FALSE(is_solved(s.status)) << s.detail;
   }
 }
@@ -55,23 +55,26 @@ TEST(Reference, WhatHasNoFeasibleBranchIsNotCalledSolved) {
 TEST(Reference, LimitsHoldAndTheBestPointIsTheAnswer) {
   const OwnedProblem p = examples::rocket();
   for (const Method method : kOthers) {
-    const Solution s = solve_in_process(p.view(), {.max_iterations = 2, .method = method}).value();
+    const Solution s = research::solve_in_process(p.view(), {.max_iterations = 2, .method = method}).value();
     EXPECT_EQ(s.status, Status::iteration_limit) << s.detail;
     EXPECT_EQ(s.z.size(), p.g.size());
     std::stop_source stop;
     stop.request_stop();
-    EXPECT_EQ(solve_in_process(p.view(), {.method = method}, {.stop = stop.get_token()}).value().status,
-              Status::cancelled);
+    EXPECT_EQ(
+        research::solve_in_process(p.view(), {.method = method}, {.stop = stop.get_token()}).value().status,
+        Status::cancelled);
   }
 }
 
 TEST(Reference, ASolverMayChangeItsMethodFromSolveToSolve) {
   const OwnedProblem p = testing::two_sides(1.0);
-  Solver solver = Solver::create(Problem::create(p.view()).value(), {}).value();
+  Solver solver = Solver::create(Problem::create(p.view()).value(), {},
+                                 {.reference_methods = &research::reference_methods()})
+                      .value();
   const Solution ours = solver.solve().value();
   for (const Method method : kOthers) {
     ASSERT_TRUE(solver.set_options({.method = method}).has_value());
-    const Solution fresh = solve_in_process(p.view(), {.method = method}).value();
+    const Solution fresh = research::solve_in_process(p.view(), {.method = method}).value();
     const Solution s = solver.solve().value();
     EXPECT_EQ(s.z, fresh.z) << s.detail;
     EXPECT_EQ(solver.solve().value().z, s.z) << "and leaves no trace";
@@ -80,11 +83,28 @@ TEST(Reference, ASolverMayChangeItsMethodFromSolveToSolve) {
   EXPECT_EQ(solver.solve().value().z, ours.z);
 }
 
+TEST(Reference, OnlyResearchRunsMethodsOfOthers) {
+  const OwnedProblem p = testing::two_sides(1.0);
+  Solver solver = Solver::create(Problem::create(p.view()).value()).value();
+  for (const Method method : kOthers) {
+    const Options options{.method = method};
+    EXPECT_TRUE(validate_ranges(options).has_value());
+    const Error refused = solve_in_process(p.view(), options).error();
+    EXPECT_EQ(refused.code, ErrorCode::invalid_argument);
+    EXPECT_EQ(refused.field, "method");
+    EXPECT_EQ(validate(options).error().message(), refused.message());
+    EXPECT_EQ(solver.set_options(options).error().message(), refused.message());
+  }
+  EXPECT_EQ(validate({.method = Method::alag}).error().message(),
+            "method = alag: must be marble; `marble compare` and `marble reproduce` run the others");
+  EXPECT_EQ(solver.solve().value().status, Status::solved) << "a refused method changes nothing";
+}
+
 TEST(Reference, ProgressReportsPenaltiesAndTauOrMu) {
   for (const Method method : kOthers) {
     testing::Rows rows;
     static_cast<void>(
-        solve_in_process(testing::two_sides(1.0).view(), {.method = method}, {.progress = &rows}));
+        research::solve_in_process(testing::two_sides(1.0).view(), {.method = method}, {.progress = &rows}));
     ASSERT_GE(rows.rows.size(), 2U);
     const Progress& last = rows.rows.back();
     EXPECT_EQ(last.kappa > 0.0, is_barrier(method));

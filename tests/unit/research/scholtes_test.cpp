@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include "model/tuning.h"
 #include "research/small_problems.h"
+#include "research/tuning.h"
 #include "workbench.h"
 
 namespace marble {
@@ -23,7 +23,7 @@ TEST(ScholtesRelaxation, EveryTauEndsAtThePointOfItsBarrierProblem) {
   for (double tau = method.relaxation(); state == State::going_on; tau = method.relaxation()) {
     while (state == State::going_on && method.relaxation() == tau) state = method.step(w.run);
     ASSERT_NE(state, State::failed);
-    const double kappa = tuning::scholtes_kappa * tau;
+    const double kappa = tuning::scholtes_factor * tau;
     const double x = method.iterate().z()[0], y = method.iterate().z()[1];
     EXPECT_LT(x * y, tau * (1.0 + 1e-6));
     const double xi = (1.0 - x + kappa / x) / y;

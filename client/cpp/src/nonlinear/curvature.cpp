@@ -4,14 +4,10 @@
 #include <cmath>
 
 #include "nonlinear/algebra.h"
+#include "nonlinear/tuning.h"
 
 namespace marble::nonlinear {
 namespace {
-
-constexpr double kDamping = 0.2;       // Powell's: a block keeps at least this of its curvature along a step
-constexpr double kScalingBound = 1e4;  // for a block's first matrix, a multiple of the identity; for a secant
-constexpr double kInfinite = 1e20;     // a larger entry of the Hessian counts as infinite
-constexpr double kLeastStep = 1e-14;   // of a block, squared: below it rounding dominates
 
 /// Returns an upper triangle with the diagonal and, in each column, the rows that `rows_above` adds.
 template <class RowsAbove>
@@ -105,10 +101,11 @@ Expected<void> Model::move(Functions& functions, const Point& point, const Linea
     for (std::size_t block = 0; block < blocks_.size(); first += blocks_[block++]) {
       const auto begin = static_cast<std::size_t>(first), size = static_cast<std::size_t>(blocks_[block]);
       const auto s = step.subspan(begin, size), y = change.subspan(begin, size);
-      if (dot(s, s) <= kLeastStep) continue;
+      if (dot(s, s) <= tuning::rounding) continue;
       const double sy = dot(s, y);
       if (!known_[block] && sy > 0.0) {
-        const double curvature = std::clamp(dot(y, y) / sy, 1.0 / kScalingBound, kScalingBound);
+        const double curvature =
+            std::clamp(dot(y, y) / sy, 1.0 / tuning::scaling_bound, tuning::scaling_bound);
         for (Index j = first; j < first + blocks_[block]; ++j) entry(j, j) = curvature;
       }
       known_[block] = true;
@@ -126,12 +123,12 @@ void Model::take_hessian(std::span<const double> step, std::span<const double> c
   for (Index j = 0; j < upper_.columns; ++j) {
     for (Index k = hessian_.column_pointers[j]; k < hessian_.column_pointers[j + 1]; ++k) {
       double value = hessian_.values[k];
-      if (!(std::abs(value) <= kInfinite)) {
+      if (!(std::abs(value) <= tuning::infinite_curvature)) {
         finite = false, value = 0.0;
         if (hessian_.row_indices[k] == j) {
           const double one = inverse_scale_squared_[j];
           const double secant = step.empty() || step[j] == 0.0 ? one : std::abs(change[j] / step[j]);
-          value = std::clamp(secant, one / kScalingBound, one * kScalingBound);
+          value = std::clamp(secant, one / tuning::scaling_bound, one * tuning::scaling_bound);
         }
       }
       upper_.values[positions_[k]] = value;
@@ -171,7 +168,7 @@ void Model::update_block(Index first, Index size, std::span<const double> s, std
   }
   const double sBs = dot(s, Bs), sy = dot(s, y);
   if (sBs <= 0.0) return;
-  const double theta = sy >= kDamping * sBs ? 1.0 : (1.0 - kDamping) * sBs / (sBs - sy);
+  const double theta = sy >= tuning::damping * sBs ? 1.0 : (1.0 - tuning::damping) * sBs / (sBs - sy);
   const double sr = theta * sy + (1.0 - theta) * sBs;
   for (Index j = 0; j < size; ++j) {
     const double rj = theta * y[j] + (1.0 - theta) * Bs[j];

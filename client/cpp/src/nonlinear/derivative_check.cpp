@@ -4,11 +4,10 @@
 #include <string>
 
 #include "nonlinear/functions.h"
+#include "nonlinear/tuning.h"
 
 namespace marble::nonlinear {
 namespace {
-
-constexpr double kDifference = 6e-6;  // about the cube root of the rounding unit
 
 double entry(const SparseMatrix& matrix, Index row, Index column) {
   for (Index k = matrix.column_pointers[column]; k < matrix.column_pointers[column + 1]; ++k)
@@ -39,7 +38,7 @@ Expected<void> check_derivatives(const Problem& problem, std::span<const double>
   if (auto given = functions->derivatives(here, at); !given) return given;
   if (at.fault) return unexpected(*at.fault);
   for (std::size_t j = 0; j < n; ++j) {
-    const double h = kDifference * std::max(1.0, std::abs(x[j]));
+    const double h = tuning::difference * std::max(1.0, std::abs(x[j]));
     above.x[j] = x[j] + h, below.x[j] = x[j] - h;
     for (Point* point : {&above, &below})
       if (auto given = functions->values(*point); !given) return given;

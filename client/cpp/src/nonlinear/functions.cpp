@@ -5,12 +5,11 @@
 #include <string>
 
 #include "nonlinear/algebra.h"
+#include "nonlinear/tuning.h"
 
 namespace marble::nonlinear {
 namespace {
 
-constexpr Index kLargestBlock = 50;
-constexpr double kOffBound = 1e-2;  // of a scale or a range
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 Expected<std::vector<double>> of_size(const std::vector<double>& given, std::size_t size, double otherwise,
@@ -26,7 +25,7 @@ Expected<std::vector<Index>> block_sizes(const std::vector<Index>& given, std::s
   auto left = static_cast<std::int64_t>(size);
   if (blocks.empty()) {
     for (; left > 0; left -= blocks.back())
-      blocks.push_back(static_cast<Index>(std::min<std::int64_t>(left, kLargestBlock)));
+      blocks.push_back(static_cast<Index>(std::min<std::int64_t>(left, tuning::largest_block)));
     return blocks;
   }
   for (std::size_t i = 0; i < blocks.size(); ++i) {
@@ -165,7 +164,7 @@ bool leave_bounds(std::span<double> x, std::span<const double> lower, std::span<
                   std::span<const double> scale) {
   bool left = false;
   for (std::size_t j = 0; j < x.size(); ++j) {
-    const double off = kOffBound * std::min(scale.empty() ? 1.0 : scale[j], upper[j] - lower[j]);
+    const double off = tuning::off_bound * std::min(scale.empty() ? 1.0 : scale[j], upper[j] - lower[j]);
     if (!(off > 0.0) || (x[j] != lower[j] && x[j] != upper[j])) continue;
     x[j] += x[j] == lower[j] ? off : -off;
     left = true;

@@ -4,18 +4,9 @@
 
 #include "nonlinear/algebra.h"
 #include "nonlinear/sqpcc.h"
+#include "nonlinear/tuning.h"
 
 namespace marble::nonlinear {
-namespace {
-
-// Of the ratio actual/predicted decrease (murty-nlp-lectures, PSLP).
-constexpr double kGood = 0.75;
-constexpr double kLonger = 1.2;  // Newton's steps from a pole of a power or a logarithm have 1.26 to 1.39
-constexpr double kLengthening = 2.0;  // factor of a step's length
-constexpr int kMostStalled = 3;       // consecutive zero steps
-constexpr int kMostRestarts = 10;     // of bfgs
-
-}  // namespace
 
 double Loop::predicted_decrease() const {
   const double model = restoring_ ? 0.0 : dot(at_.gradient, step_.d) + 0.5 * quadratic(B_->upper(), step_.d);
@@ -56,7 +47,7 @@ Expected<void> Loop::correct() {
 // Newton step covers only a share of x, so the step is doubled while that lowers the merit and leaves no row.
 // This calls only Problem::values.
 Expected<void> Loop::lengthen() {
-  if (ratio_ <= kLonger || step_.elastic || restoring_) return {};
+  if (ratio_ <= tuning::longer || step_.elastic || restoring_) return {};
   double most = radius_ / step_.size;
   for (std::size_t j = 0; j < step_.d.size(); ++j) {
     const double d = step_.d[j];
@@ -65,7 +56,7 @@ Expected<void> Loop::lengthen() {
   }
   const double penalty = weights_->penalty(rows_of(trial_)) + noise();
   double length = 1.0, lowest = merit(trial_);
-  for (double next = kLengthening; next <= most; next *= kLengthening) {
+  for (double next = 2.0; next <= most; next *= 2.0) {
     for (std::size_t j = 0; j < step_.d.size(); ++j)
       best_trial_.x[j] =
           std::clamp(point_.x[j] + next * step_.d[j], functions_.lower()[j], functions_.upper()[j]);
@@ -84,11 +75,11 @@ Expected<void> Loop::lengthen() {
 }
 
 void Loop::adapt_radius() {
-  if (ratio_ < kReject)
+  if (ratio_ < tuning::reject)
     radius_ = 0.5 * (step_.size > 0.0 ? std::min(radius_, step_.size) : radius_);
-  else if (ratio_ < kPoor)
+  else if (ratio_ < tuning::poor)
     radius_ *= 0.5;
-  else if (ratio_ > kGood)
+  else if (ratio_ > tuning::good)
     radius_ = std::min(settings_.largest_radius, std::max(radius_, 2.0 * step_.size));
 }
 
@@ -120,10 +111,10 @@ bool Loop::is_stationary(double share) {
 bool Loop::stalls() {
   const bool zero =
       step_is_small() && !step_.elastic && !restoring_ && violation() <= settings_.feasibility_tolerance;
-  if (zero && B_->learns() && restarts_ < kMostRestarts && !is_stationary(stationary_))
+  if (zero && B_->learns() && restarts_ < tuning::most_restarts && !is_stationary(stationary_))
     ++restarts_, forget_curvature_ = true;
   stalled_ = zero && std::abs(actual_) <= noise() ? stalled_ + 1 : 0;
-  return stalled_ >= kMostStalled;
+  return stalled_ >= tuning::most_stalled;
 }
 
 }  // namespace marble::nonlinear

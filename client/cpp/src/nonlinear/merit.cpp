@@ -4,15 +4,14 @@
 #include <cmath>
 
 #include "nonlinear/algebra.h"
+#include "nonlinear/tuning.h"
 
 namespace marble::nonlinear {
 namespace {
 
-constexpr double kAbove = 1.0 + 1e-3;
-constexpr double kLeast = 1e-3;
-
 double above(double weight, double multiplier) {
-  return std::max(kLeast, std::max(multiplier, 0.5 * (weight + multiplier)) * kAbove);
+  return std::max(tuning::weight_margin,
+                  std::max(multiplier, 0.5 * (weight + multiplier)) * (1.0 + tuning::weight_margin));
 }
 
 }  // namespace

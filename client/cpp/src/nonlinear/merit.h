@@ -21,8 +21,6 @@ struct Rows {
 /// Returns the largest violation of any row.
 [[nodiscard]] double largest_violation(const Rows& rows);
 
-inline constexpr double kFirstWeight = 1.0;  // of all rows, before there are multipliers
-
 /// The weights μ of each row and of each pair.
 class Weights {
  public:

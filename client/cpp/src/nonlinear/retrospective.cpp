@@ -6,13 +6,12 @@
 #include <utility>
 
 #include "nonlinear/sqpcc.h"
+#include "nonlinear/tuning.h"
 
 namespace marble::nonlinear {
 namespace {
 
-constexpr double kMeritReduction = 0.1, kStepReduction = 0.5;  // from the paper
-constexpr double kNormalQuantile = 1.96;                       // of a 95 % interval
-constexpr std::int64_t kMostSamples = std::int64_t{1} << 53;   // a double counts no further
+constexpr std::int64_t kMostSamples = std::int64_t{1} << 53;  // a double counts no further
 
 Expected<void> valid(const SampledProblem& sampled, const RetrospectiveSettings& s) {
   if (!sampled.use_samples) return unexpected(invalid("use_samples", "must be a function"));
@@ -53,14 +52,15 @@ Expected<Estimate> estimate(const SampledProblem& sampled, std::span<const doubl
     squares += off * (cost - mean);
   }
   const auto n = static_cast<double>(count);
-  return Estimate{mean, kNormalQuantile * std::sqrt(squares / (n - 1.0) / n)};
+  constexpr double normal_quantile = 1.96;  // at 0.975: half of a 95 % interval
+  return Estimate{mean, normal_quantile * std::sqrt(squares / (n - 1.0) / n)};
 }
 
 Expected<RetrospectiveAnswer> solve_levels(const SampledProblem& sampled, Functions functions,
                                            const OpenTicks& open, const RetrospectiveSettings& s) {
   Loop loop(sampled.problem, std::move(functions), open, s.loop);
   const double reduction =
-      s.reduction.value_or(s.test == LevelTest::merit ? kMeritReduction : kStepReduction);
+      s.reduction.value_or(s.test == LevelTest::merit ? tuning::merit_reduction : tuning::step_reduction);
   RetrospectiveAnswer made;
   std::int32_t iterations = 0, ticks = 0, evaluations = 0, linearisations = 0;
   Level level{.samples = s.first_samples};

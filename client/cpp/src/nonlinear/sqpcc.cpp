@@ -7,34 +7,17 @@
 #include <utility>
 
 #include "nonlinear/algebra.h"
+#include "nonlinear/tuning.h"
 
 namespace marble::nonlinear {
 namespace {
 
-constexpr double kLeastRadius = 1e-13;  // a smaller one carries no information
-constexpr double kMostWeight = 1e10;
-constexpr double kLeapt = 0.9;            // of the violation before a leap: at most this must remain
-constexpr double kWider = 10.0;           // radius of a leap
-constexpr int kMostRises = 4;             // of the weights for one elastic step
-constexpr double kElasticProgress = 0.1;  // share of the violation that an elastic step must remove
-constexpr double kRestored = 0.1;         // of the violation at which the restoration began
-constexpr double kFirstShift = 1e-2;      // of B's largest entry
-constexpr double kShiftFactor = 10.0;
-constexpr int kMostShifts = 12;
-constexpr double kOfLearnt = 0.1;  // of the KKT residual: small steps may be due to too large a B of bfgs
-// Conditions to solve an LCQP again in a fresh session.
-constexpr double kBadAnswer = 1e-7;  // KKT residual, of the largest slope
-constexpr double kWorse =
-    1e-8;  // above the cost of the step 0, relative to it or to 1, if that step is feasible
-constexpr double kOtherSize = 100.0;  // factor of the slopes or of a column of B since the set-up
-constexpr double kNoSize = 1e-4;      // of B's largest column: a smaller one counts as this
-
 bool of_other_size(const Sizes& before, const Sizes& now, bool solved) {
   const auto other = [](double one, double two) {
-    return std::max(one, two) > kOtherSize * std::min(one, two);
+    return std::max(one, two) > tuning::other_size * std::min(one, two);
   };
   if (solved && other(before.slope, now.slope)) return true;
-  const double none = kNoSize * std::max(largest(before.curvature), largest(now.curvature));
+  const double none = tuning::no_size * std::max(largest(before.curvature), largest(now.curvature));
   for (std::size_t j = 0; j < now.curvature.size(); ++j)
     if (other(std::max(before.curvature[j], none), std::max(now.curvature[j], none))) return true;
   return false;
@@ -50,7 +33,7 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
     if (!found) return unexpected(found.error());
     if (limit_) return end(*limit_, "within a subproblem");
     if (stuck_) return end(Status::locally_infeasible, "no step lowers the violation");
-    const double share = B_->learns() && stalled_ == 0 ? kOfLearnt * stationary_ : stationary_;
+    const double share = B_->learns() && stalled_ == 0 ? tuning::learnt_share * stationary_ : stationary_;
     if (*found && step_is_small() && is_stationary(share) && violation() <= settings_.feasibility_tolerance &&
         radius_ > settings_.step_tolerance) {
       auto sure = certified();  // d = 0 solves the linearised problem
@@ -66,7 +49,7 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
     if (*found) {
       if (auto judged = judge(); !judged) return unexpected(judged.error());
       if (auto longer = lengthen(); !longer) return unexpected(longer.error());
-      if (ratio_ < kPoor && !step_.elastic) {
+      if (ratio_ < tuning::poor && !step_.elastic) {
         if (auto corrected = correct(); !corrected) return unexpected(corrected.error());
       }
     }
@@ -78,7 +61,7 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
     if (*found && stalls()) return end_of_zero_steps();
     if (row_.accepted) {
       if (auto moved = move(); !moved) return unexpected(moved.error());
-    } else if (radius_ <= kLeastRadius) {
+    } else if (radius_ <= tuning::least_radius) {
       return end_of_small_radius();
     }
   }
@@ -93,7 +76,7 @@ Expected<void> Loop::begin() {
   m.G.assign(point_.G.size(), 0.0), m.H.assign(point_.H.size(), 0.0), m.bounds.assign(point_.x.size(), 0.0);
   step_.d.assign(point_.x.size(), 0.0), no_step_ = step_.d;
   gradient_.resize(point_.x.size()), change_.resize(point_.x.size());
-  weights_.emplace(rows_of(point_), kFirstWeight);
+  weights_.emplace(rows_of(point_), tuning::first_weight);
   radius_ = settings_.radius;
   return make_curvature();
 }
@@ -161,19 +144,19 @@ Expected<bool> Loop::find_elastic_step() {
     auto found = ask(Kind::elastic);
     if (!found || limit_ || !*found) return found;
     const double before = largest_violation(rows_of(point_)), after = largest_violation(step_.rows());
-    if (after <= std::max((1.0 - kElasticProgress) * before, settings_.feasibility_tolerance)) break;
-    if (rises == kMostRises || weights_->most() >= kMostWeight) {
+    if (after <= std::max(tuning::violation_left * before, settings_.feasibility_tolerance)) break;
+    if (rises == tuning::most_rises || weights_->most() >= tuning::most_weight) {
       restoring_ = true;
-      restore_below_ = kRestored * before;
+      restore_below_ = tuning::restored * before;
       return find_restoring_step();
     }
-    weights_->multiply(kShiftFactor);
+    weights_->multiply(tuning::growth);
   }
   return convex_enough();
 }
 
 Expected<bool> Loop::find_restoring_step() {
-  *weights_ = Weights(rows_of(point_), kFirstWeight);
+  *weights_ = Weights(rows_of(point_), tuning::first_weight);
   auto found = ask(Kind::elastic);
   if (!found || limit_ || !*found) return found;
   predicted_ = predicted_decrease();
@@ -187,14 +170,14 @@ Expected<bool> Loop::find_restoring_step() {
 Expected<bool> Loop::find_leap() {
   const double here = merit(point_), short_radius = radius_;
   if (here >= leapt_from_) return go_back();
-  if (here > kLeapt * leapt_from_) return true;
+  if (here > tuning::violation_left * leapt_from_) return true;
   leapt_from_ = here, least_ = point_.x;
   while (radius_ < settings_.largest_radius) {
-    radius_ = std::min(kWider * radius_, settings_.largest_radius);
+    radius_ = std::min(tuning::growth * radius_, settings_.largest_radius);
     auto found = ask(Kind::elastic, true);
     if (!found || limit_ || !*found) return found;
     predicted_ = predicted_decrease();
-    leap_ = predicted_ > (1.0 - kLeapt) * here;
+    leap_ = predicted_ > (1.0 - tuning::violation_left) * here;
     if (leap_) return stuck_ = false, true;
   }
   radius_ = short_radius;
@@ -213,8 +196,9 @@ Expected<bool> Loop::convex_enough() {
   for (int shifts = 0;; ++shifts) {
     predicted_ = predicted_decrease();
     const bool good = step_is_small() || (predicted_ > 0.0 && step_.second_order != SecondOrder::saddle);
-    if (good || shifts == kMostShifts) return good;
-    B_->shift(std::max(kShiftFactor * B_->shift(), kFirstShift * std::max(1.0, largest(B_->upper().values))));
+    if (good || shifts == tuning::most_shifts) return good;
+    B_->shift(std::max(tuning::growth * B_->shift(),
+                       tuning::first_shift * std::max(1.0, largest(B_->upper().values))));
     auto found = ask(step_.elastic ? Kind::elastic : Kind::plain);
     if (!found || limit_ || !*found) return found;
     if (!step_.elastic) weights_->rise_above(step_.multipliers);
@@ -226,7 +210,7 @@ bool Loop::meets(const std::optional<LevelTolerance>& tolerance) {
   if (!tolerance) return false;
   const double measure = tolerance->test == LevelTest::merit ? predicted_ : step_.size;
   if (row_.iteration == 0) first_measure_ = measure;
-  return !step_.elastic && !restoring_ && step_.size < (1.0 - kRounding) * radius_ &&
+  return !step_.elastic && !restoring_ && step_.size < (1.0 - tuning::rounding) * radius_ &&
          measure <= tolerance->reduction * first_measure_ + tolerance->floor;
 }
 
@@ -283,7 +267,7 @@ Expected<bool> Loop::ask_prepared(Kind kind, bool cold) {
       limit_ = Status::time_limit;
     // A session may keep the scaling of its first numbers. If the current ones have other magnitudes, a step
     // may meet the scaled tolerances and be meaningless: it is solved again in a fresh session.
-    if (!limit_ && solution->kkt_residual > kBadAnswer * std::max(1.0, new_sizes_.slope) &&
+    if (!limit_ && solution->kkt_residual > tuning::bad_answer * std::max(1.0, new_sizes_.slope) &&
         of_other_size(sizes, new_sizes_, is_solved(solution->status))) {
       reopened_ += ticks->reopened();
       ticks.reset();
@@ -302,7 +286,8 @@ Expected<bool> Loop::ask_prepared(Kind kind, bool cold) {
 bool Loop::loses_no_step(const Subproblem& subproblem, const Solution& solution) const {
   const double cost = subproblem.cost_of_no_step();
   const bool loses =
-      !is_solved(solution.status) || !(solution.objective <= cost + kWorse * std::max(1.0, std::abs(cost)));
+      !is_solved(solution.status) ||
+      !(solution.objective <= cost + tuning::lcqp_stationarity * std::max(1.0, std::abs(cost)));
   return loses && subproblem.allows_no_step(settings_.lcqp);
 }
 
@@ -323,7 +308,7 @@ Expected<bool> Loop::certified() {
 
 // Returns whether the trial point is accepted: its merit is good, and it has derivatives.
 Expected<bool> Loop::linearised() {
-  if (ratio_ < kReject && !(leap_ && !trial_.fault)) return false;
+  if (ratio_ < tuning::reject && !(leap_ && !trial_.fault)) return false;
   if (auto given = functions_.derivatives(trial_, next_); !given) return unexpected(given.error());
   if (!next_.fault) return true;
   trial_.fault = next_.fault, ratio_ = -1.0;
@@ -338,9 +323,9 @@ Expected<void> Loop::move() {
   lagrangian_gradient(at_, m, gradient_);
   for (std::size_t j = 0; j < change_.size(); ++j) change_[j] = gradient_[j] - change_[j];
   if (std::exchange(forget_curvature_, false)) return make_curvature();
-  const double sigma = B_->shift() / kShiftFactor;
+  const double sigma = B_->shift() / tuning::growth;
   if (auto moved = B_->move(functions_, point_, at_, m, step_.d, change_); !moved) return moved;
-  B_->shift(sigma > kFirstShift / kShiftFactor ? sigma : 0.0);
+  B_->shift(sigma > tuning::first_shift / tuning::growth ? sigma : 0.0);
   if (restoring_ && violation() <= std::max(restore_below_, settings_.feasibility_tolerance))
     restoring_ = false, leapt_from_ = std::numeric_limits<double>::infinity();
   return {};
@@ -423,8 +408,9 @@ Expected<bool> Ticks::prepare(const ProblemUpdate& /*update*/, const TickControl
 
 Options Settings::subproblem_options() {
   Options options;
-  options.equality_tolerance = options.inequality_tolerance = options.complementarity_tolerance = 1e-9;
-  options.stationarity_tolerance = 1e-8;
+  options.equality_tolerance = options.inequality_tolerance = options.complementarity_tolerance =
+      tuning::lcqp_tolerance;
+  options.stationarity_tolerance = tuning::lcqp_stationarity;
   return options;
 }
 

@@ -14,6 +14,7 @@
 #include "nonlinear/functions.h"
 #include "nonlinear/merit.h"
 #include "nonlinear/subproblem.h"
+#include "nonlinear/tuning.h"
 
 namespace marble::nonlinear {
 
@@ -25,11 +26,8 @@ struct LevelTolerance {
   double floor = 0.0;
 };
 
-// Relative to the largest slope: the KKT residual of a stationary solution, and of an almost stationary one.
-inline constexpr double kSolvedKkt = 1e-6, kReducedKkt = 100.0 * kSolvedKkt;
-// Of the ratio actual/predicted decrease (murty-nlp-lectures, PSLP).
-inline constexpr double kReject = 1e-6, kPoor = 0.25;
-inline constexpr double kRounding = 1e-14;  // of the merit: the possible difference of two evaluations
+// The KKT residual of an almost stationary solution, relative to the largest slope.
+inline constexpr double kReducedKkt = tuning::reduced_factor * tuning::solved_kkt;
 
 /// Returns the scale of the terms that balance at a stationary point: max{1, |∇θ|, |multipliers|}.
 [[nodiscard]] double largest_slope(const Linearisation& at, const Multipliers& m);
@@ -103,7 +101,7 @@ class Loop {
   [[nodiscard]] bool step_is_small() const { return step_.size <= settings_.step_tolerance; }
   [[nodiscard]] bool is_stationary(double share);
   [[nodiscard]] bool stalls();
-  [[nodiscard]] double noise() const { return kRounding * std::max(1.0, std::abs(merit(point_))); }
+  [[nodiscard]] double noise() const { return tuning::rounding * std::max(1.0, std::abs(merit(point_))); }
   [[nodiscard]] double kkt_residual();
   [[nodiscard]] double violation() const { return largest_violation(rows_of(point_)); }
   [[nodiscard]] bool meets(const std::optional<LevelTolerance>& tolerance);
@@ -127,7 +125,7 @@ class Loop {
   std::optional<Status> limit_;  // ended an LCQP solve
 
   double radius_ = 0.0;
-  double stationary_ = kSolvedKkt;
+  double stationary_ = tuning::solved_kkt;
   int stalled_ = 0, restarts_ = 0;  // consecutive zero steps; resets of B of bfgs
   bool forget_curvature_ = false;
   double first_measure_ = 0.0;  // for the level's tolerance

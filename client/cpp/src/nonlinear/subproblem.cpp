@@ -4,13 +4,12 @@
 #include <cmath>
 
 #include "nonlinear/algebra.h"
+#include "nonlinear/tuning.h"
 
 namespace marble::nonlinear {
 namespace {
 
 // B of a step without an objective: prefers short steps among equals.
-constexpr double kNear = 1e-6;
-constexpr double kAtBound = 1e-12;  // of a step: anything nearer to a bound counts as at it
 
 /// Returns a Jacobian with two more entries per column, for the trust region's rows: −low ≤ d ≤ up.
 SparseMatrix with_box(const SparseMatrix& jacobian) {
@@ -150,7 +149,7 @@ void Subproblem::drop_objective() {
   p.c0 = 0.0;
   std::fill_n(p.g.begin(), n_, 0.0);
   std::fill(p.Q.values.begin(), p.Q.values.end(), 0.0);
-  for (std::size_t j = 0; j < n_; ++j) p.Q.values[p.Q.column_pointers[j + 1] - 1] = kNear;
+  for (std::size_t j = 0; j < n_; ++j) p.Q.values[p.Q.column_pointers[j + 1] - 1] = tuning::proximal;
 }
 
 // Uses c(x + d) − ∇c d in place of c(x).
@@ -191,8 +190,8 @@ void Subproblem::read(const Solution& solution, const Point& point, const Linear
     const double low = std::min(box.radius * box.scale[j], point.x[j] - box.lower[j]);
     const double up = std::min(box.radius * box.scale[j], box.upper[j] - point.x[j]);
     step.d[j] = std::clamp(step.d[j], -low, up);
-    if (step.d[j] + low <= kAtBound * low) step.d[j] = -low;
-    if (up - step.d[j] <= kAtBound * up) step.d[j] = up;
+    if (step.d[j] + low <= tuning::at_bound * low) step.d[j] = -low;
+    if (up - step.d[j] <= tuning::at_bound * up) step.d[j] = up;
     step.size = std::max(step.size, std::abs(step.d[j]) / box.scale[j]);
     const bool at_lower = low < box.radius * box.scale[j], at_upper = up < box.radius * box.scale[j];
     const auto row = inequalities + static_cast<std::ptrdiff_t>(j);

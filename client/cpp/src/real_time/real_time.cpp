@@ -12,6 +12,7 @@
 #include "nonlinear/functions.h"
 #include "nonlinear/merit.h"
 #include "nonlinear/subproblem.h"
+#include "nonlinear/tuning.h"
 #include "real_time/embedding.h"
 
 namespace marble::nonlinear {
@@ -136,7 +137,7 @@ Expected<void> RealTime::State::begin(const OpenTicks& opens) {
   if (!model) return unexpected(model.error());
   B = std::move(*model);
   B->shift(settings.diagonal);
-  weights.emplace(rows_of(point), kFirstWeight);
+  weights.emplace(rows_of(point), tuning::first_weight);
   subproblem.emplace(at, B->upper(), false);
   subproblem->set(point, at, B->upper(), box());
   auto opened = open(opens, *subproblem);

@@ -89,6 +89,15 @@ def test_a_name_like_no_other_says_where_all_are():
     assert _said(options=3, max_iterations=1) == "options is int: must be a mapping of names to values"
 
 
+def test_methods_for_research_are_refused(either):
+    with pytest.raises(marble.InvalidArgument, match="method.* must be marble; `marble compare`"):
+        either.solve(tiny(), method="alag")
+    with (pytest.raises(marble.InvalidArgument, match="method.* must be marble; `marble compare`"),
+          either.session(tiny(), method="alag") as session):
+        session.update()
+    assert either.solve(tiny(), method="marble").solved
+
+
 def test_no_option_has_the_name_of_an_argument(client):
     options = set(client.info().options)
     for call in (client.solve, client.solve_async, client.batch, client.session, client.jobs.submit, client.scenarios,

@@ -8,16 +8,10 @@
 #include "nonlinear/algebra.h"
 #include "nonlinear/methods/auxiliary.h"
 #include "nonlinear/sqpcc.h"
+#include "nonlinear/tuning.h"
 
 namespace marble::nonlinear {
 namespace {
-
-constexpr double kFirstMu = 1.0;
-constexpr double kGrowth = 10.0;    // of a weight (SUMT, and the method of multipliers)
-constexpr double kFall = 0.1;       // of the barrier's weight
-constexpr double kProgress = 0.25;  // of the worst residual, to update the multipliers
-constexpr double kMostMu = 1e12;    // the barrier's μ is at least its inverse
-constexpr double kFineStep = 1e-2;  // of the barrier's μ: rows this near to zero count as active
 
 class Reference {
  public:
@@ -40,7 +34,7 @@ class Reference {
     loop.set_stationary(kReducedKkt);  // slopes of large weights leave no more digits
     for (auxiliary_.set_weight(mu_);;) {
       inner_.iteration_limit = settings_.iteration_limit - iterations_;
-      if (is_barrier()) inner_.step_tolerance = std::min(settings_.step_tolerance, kFineStep * mu_);
+      if (is_barrier()) inner_.step_tolerance = std::min(settings_.step_tolerance, tuning::fine_step * mu_);
       auto minimum = loop.run();
       if (!minimum) {
         const bool of_functions = minimum.error().code == ErrorCode::invalid_argument && auxiliary_.fault();
@@ -77,8 +71,8 @@ class Reference {
 
   bool go_on() {
     if (settings_.method == Method::alag) return correct_multipliers();
-    if (mu_ >= kMostMu || mu_ <= 1.0 / kMostMu) return false;
-    mu_ *= is_barrier() ? kFall : kGrowth;
+    if (mu_ >= tuning::most_mu || mu_ <= 1.0 / tuning::most_mu) return false;
+    mu_ *= is_barrier() ? 1.0 / tuning::growth : tuning::growth;
     auxiliary_.set_weight(mu_);
     return true;
   }
@@ -88,14 +82,14 @@ class Reference {
     double worst = 0.0;
     over_rows(
         [&](auto part, std::size_t i, auto&) { worst = std::max(worst, auxiliary_.residual(part, i)); });
-    const double wanted = kProgress * std::exchange(worst_, worst);
+    const double wanted = tuning::multiplier_progress * std::exchange(worst_, worst);
     bool good = true;
     over_rows([&](auto part, std::size_t i, Auxiliary::Row& row) {
       if (worst <= wanted) {
         row.multiplier = auxiliary_.estimate(part, i);
       } else if (auxiliary_.residual(part, i) > wanted) {
-        good &= row.weight < kMostMu;
-        if (good) row.weight *= kGrowth;
+        good &= row.weight < tuning::most_mu;
+        if (good) row.weight *= tuning::growth;
       }
     });
     return good;
@@ -133,7 +127,7 @@ class Reference {
   Functions functions_;
   Auxiliary auxiliary_;
   const OpenTicks& open_;
-  double mu_ = kFirstMu, worst_ = 0.0;
+  double mu_ = tuning::first_weight, worst_ = 0.0;
   std::int32_t iterations_ = 0;
   std::vector<double> gradient_;
 };

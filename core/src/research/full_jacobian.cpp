@@ -1,4 +1,4 @@
-#include "path/full_jacobian.h"
+#include "research/full_jacobian.h"
 
 #include <Eigen/SparseLU>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "model/retraction.h"
-#include "model/tuning.h"
+#include "research/tuning.h"
 
 namespace marble {
 

@@ -1,12 +1,12 @@
-#include "path/full_jacobian.h"
+#include "research/full_jacobian.h"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
 
 #include "dense_system.h"
-#include "marble/conditioning.h"
 #include "marble/examples.h"
+#include "marble/research/conditioning.h"
 #include "random_setting.h"
 
 namespace marble {
