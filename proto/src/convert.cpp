@@ -1,6 +1,7 @@
 #include "marble/convert.h"
 
 #include <cmath>
+#include <optional>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -18,26 +19,8 @@ void assign(Field* field, const Values& values) {
   field->Assign(values.begin(), values.end());
 }
 
-template <class Message>
-void vectors_to_message(const Solution& solution, Message* message) {
-  assign(message->mutable_z(), solution.z);
-  assign(message->mutable_equality_multipliers(), solution.equality_multipliers);
-  assign(message->mutable_inequality_multipliers(), solution.inequality_multipliers);
-  assign(message->mutable_complementarity_multipliers_l(), solution.complementarity_multipliers_L);
-  assign(message->mutable_complementarity_multipliers_r(), solution.complementarity_multipliers_R);
-}
-
 std::vector<double> vector_of(const google::protobuf::RepeatedField<double>& field) {
   return {field.begin(), field.end()};
-}
-
-template <class Message>
-void take_vectors(const Message& message, Solution& solution) {
-  solution.z = vector_of(message.z());
-  solution.equality_multipliers = vector_of(message.equality_multipliers());
-  solution.inequality_multipliers = vector_of(message.inequality_multipliers());
-  solution.complementarity_multipliers_L = vector_of(message.complementarity_multipliers_l());
-  solution.complementarity_multipliers_R = vector_of(message.complementarity_multipliers_r());
 }
 
 // The core uses the letters of the equation, the message the terms of the field.
@@ -374,71 +357,94 @@ Conflict conflict_of(const v1::Conflict& message) {
           .factorizations = message.factorizations()};
 }
 
+namespace {
+
+// The kinds of solution.def: enumerations and parts, and values that may be absent.
+v1::PointOrigin to_message(PointOrigin origin) {
+  return origin == PointOrigin::previous ? v1::POINT_ORIGIN_PREVIOUS : v1::POINT_ORIGIN_SOLVE;
+}
+v1::Stationarity to_message(Stationarity kind) {
+  return static_cast<v1::Stationarity>(static_cast<int>(kind));
+}
+v1::SecondOrder to_message(SecondOrder kind) { return static_cast<v1::SecondOrder>(static_cast<int>(kind)); }
+
+void to_message(const Times& times, v1::Times* message) {
+  message->set_setup_s(times.setup_s);
+  message->set_factorization_s(times.factorization_s);
+  message->set_line_search_s(times.line_search_s);
+  message->set_solve_s(times.solve_s);
+  message->set_polish_s(times.polish_s);
+  message->set_tree_s(times.tree_s);
+}
+
+void read(v1::Status sent, Status& status) { status = status_of(sent); }
+void read(v1::PointOrigin sent, PointOrigin& origin) {
+  origin = sent == v1::POINT_ORIGIN_PREVIOUS ? PointOrigin::previous : PointOrigin::solve;
+}
+void read(v1::Stationarity sent, Stationarity& kind) {
+  if (v1::Stationarity_IsValid(sent)) kind = static_cast<Stationarity>(static_cast<int>(sent));
+}
+void read(v1::SecondOrder sent, SecondOrder& kind) {
+  if (v1::SecondOrder_IsValid(sent)) kind = static_cast<SecondOrder>(static_cast<int>(sent));
+}
+void read(const v1::Violations& sent, Violations& violations) { violations = violations_of(sent); }
+void read(const v1::Times& sent, Times& times) {
+  times = {sent.setup_s(), sent.factorization_s(), sent.line_search_s(),
+           sent.solve_s(), sent.polish_s(),        sent.tree_s()};
+}
+void read(const v1::Sensitivity& sent, std::optional<Expected<SensitivityAnswer>>& sensitivity) {
+  sensitivity = sensitivity_of(sent);
+}
+void read(const v1::Conflict& sent, std::optional<Conflict>& conflict) { conflict = conflict_of(sent); }
+
+template <class Value>
+const Value* if_known(const Value& value) {
+  return &value;
+}
+template <class Value>
+const Value* if_known(const std::optional<Value>& value) {
+  return value ? &*value : nullptr;
+}
+
+}  // namespace
+
 void to_message(const Solution& solution, v1::Solution* message) {
-  message->set_status(to_message(solution.status));
-  message->set_detail(solution.detail);
-  message->set_origin(solution.origin == PointOrigin::previous ? v1::POINT_ORIGIN_PREVIOUS
-                                                               : v1::POINT_ORIGIN_SOLVE);
-  vectors_to_message(solution, message);
-  assign(message->mutable_certificate(), solution.certificate);
-  message->set_objective(solution.objective);
-  to_message(solution.violations, message->mutable_violations());
-  message->set_kkt_residual(solution.kkt_residual);
-  message->set_stationarity(static_cast<v1::Stationarity>(static_cast<int>(solution.stationarity)));
-  if (solution.b_stationary) message->set_b_stationary(*solution.b_stationary);
-  message->set_second_order(static_cast<v1::SecondOrder>(static_cast<int>(solution.second_order)));
-  message->set_reference_objective(solution.reference_objective);
-  message->set_proved(solution.proved);
-  tree_to_message(solution, message);
-  message->set_iterations(solution.iterations);
-  message->set_factorizations(solution.factorizations);
-  v1::Times* times = message->mutable_times();
-  times->set_setup_s(solution.times.setup_s);
-  times->set_factorization_s(solution.times.factorization_s);
-  times->set_line_search_s(solution.times.line_search_s);
-  times->set_solve_s(solution.times.solve_s);
-  times->set_polish_s(solution.times.polish_s);
-  times->set_tree_s(solution.times.tree_s);
-  if (solution.sensitivity) to_message(*solution.sensitivity, message->mutable_sensitivity());
-  if (solution.conflict) to_message(*solution.conflict, message->mutable_conflict());
+  static const auto& unknown = *new Solution;
+#define MARBLE_SOLUTION_NUMBER(name) message->set_##name(solution.name);
+#define MARBLE_SOLUTION_OPTIONAL(name) \
+  if (solution.name != unknown.name) message->set_##name(*if_known(solution.name));
+#define MARBLE_SOLUTION_TEXT(name) message->set_##name(solution.name);
+#define MARBLE_SOLUTION_VECTOR(name, field, letter) assign(message->mutable_##field(), solution.name);
+#define MARBLE_SOLUTION_ENUM(name) message->set_##name(to_message(solution.name));
+#define MARBLE_SOLUTION_PART(name) \
+  if (const auto* part = if_known(solution.name)) to_message(*part, message->mutable_##name());
+#include "marble/solution.def"
 }
 
 Solution solution_of(const v1::Solution& message) {
   Solution solution;
-  solution.status = status_of(message.status());
-  solution.detail = message.detail();
-  if (message.origin() == v1::POINT_ORIGIN_PREVIOUS) solution.origin = PointOrigin::previous;
-  take_vectors(message, solution);
-  solution.certificate = vector_of(message.certificate());
-  solution.objective = message.objective();
-  solution.violations = violations_of(message.violations());
-  solution.kkt_residual = message.kkt_residual();
-  if (v1::Stationarity_IsValid(message.stationarity()))
-    solution.stationarity = static_cast<Stationarity>(static_cast<int>(message.stationarity()));
-  if (message.has_b_stationary()) solution.b_stationary = message.b_stationary();
-  if (v1::SecondOrder_IsValid(message.second_order()))
-    solution.second_order = static_cast<SecondOrder>(static_cast<int>(message.second_order()));
-  solution.reference_objective = message.reference_objective();
-  solution.proved = message.proved();
-  take_tree(message, solution);
-  solution.iterations = message.iterations();
-  solution.factorizations = message.factorizations();
-  solution.times = {message.times().setup_s(),       message.times().factorization_s(),
-                    message.times().line_search_s(), message.times().solve_s(),
-                    message.times().polish_s(),      message.times().tree_s()};
-  if (message.has_sensitivity()) solution.sensitivity = sensitivity_of(message.sensitivity());
-  if (message.has_conflict()) solution.conflict = conflict_of(message.conflict());
+#define MARBLE_SOLUTION_NUMBER(name) solution.name = message.name();
+#define MARBLE_SOLUTION_OPTIONAL(name) \
+  if (message.has_##name()) solution.name = message.name();
+#define MARBLE_SOLUTION_TEXT(name) solution.name = message.name();
+#define MARBLE_SOLUTION_VECTOR(name, field, letter) solution.name = vector_of(message.field());
+#define MARBLE_SOLUTION_ENUM(name) read(message.name(), solution.name);
+#define MARBLE_SOLUTION_PART(name) \
+  if (message.has_##name()) read(message.name(), solution.name);
+#include "marble/solution.def"
   return solution;
 }
 
 void to_message(const Solution& start, v1::WarmStart* message) {
-  vectors_to_message(start, message);
+#define MARBLE_POINT(letter, member, field) assign(message->mutable_##field(), start.member);
+#include "marble/contract.def"
   message->set_reference_objective(start.reference_objective);
 }
 
 Solution solution_of(const v1::WarmStart& message) {
   Solution start;
-  take_vectors(message, start);
+#define MARBLE_POINT(letter, member, field) start.member = vector_of(message.field());
+#include "marble/contract.def"
   start.reference_objective = message.reference_objective();
   return start;
 }

@@ -26,6 +26,19 @@ static marble_problem* first(void) {
   return problem;
 }
 
+static void every_number_has_a_name(const marble_solution* solution) {
+  int32_t count = 0;
+  int has_bound = 0;
+  for (; marble_solution_number_name(count)[0] != '\0'; count++) {
+    const char* name = marble_solution_number_name(count);
+    double number = 0;
+    CHECK(marble_solution_number(solution, name, &number, NULL) == MARBLE_OK);
+    has_bound += strcmp(name, "bound") == 0;
+  }
+  CHECK(count > 20 && has_bound == 1);
+  CHECK(marble_solution_number_name(-1)[0] == '\0' && marble_solution_number_name(INT32_MAX)[0] == '\0');
+}
+
 static void check_answer(const marble_solution* solution, double objective) {
   const double* z = NULL;
   int64_t count = 0;
@@ -35,6 +48,7 @@ static void check_answer(const marble_solution* solution, double objective) {
   CHECK(fabs(marble_solution_objective(solution) - objective) < 1e-9);
   CHECK(marble_solution_vector(solution, "z", &z, &count, NULL) == MARBLE_OK && count > 0 && z != NULL);
   CHECK(marble_solution_number(solution, "complementarity_violation", &number, NULL) == MARBLE_OK && number < 1e-9);
+  every_number_has_a_name(solution);
 }
 
 static int count_rows(const marble_progress* progress, void* user) {

@@ -69,6 +69,7 @@ VALID = {
     "int32_t loss": "0",
     "int32_t stages": "1",
     "int32_t code": "0",
+    "int32_t index": "0",
     "int32_t status": "0",
     "double value": "1",
     "double seconds": "1",

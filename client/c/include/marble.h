@@ -216,14 +216,18 @@ double marble_solution_objective(const marble_solution* solution);   /* NaN for 
  * be empty), with Qz + g + A'y - C'nu - L'xi - R'eta = 0. */
 int32_t marble_solution_vector(const marble_solution* solution, const char* name, const double** values,
                                int64_t* count, marble_error* error);
-/* Returns one of: objective, bound, gap, proved, nodes, open_nodes, iterations, factorizations, kkt_residual,
- * equality_violation, inequality_violation, complementarity_violation, stationarity (0 unknown, 1 weak to 4
- * strong), second_order (0 unknown, 1 saddle, 2 necessary, 3 minimum, 4 convex), origin (0 this solve, 1 the
- * session's solution before it), reopened (1 if its session was opened again for it, else 0), conflict (with
+/* Returns a number, by the name of a number, flag or enumeration of marble.v1.Solution (solution.proto), such
+ * as objective, bound, gap, proved, nodes, iterations, factorizations, kkt_residual, b_stationary (NaN if
+ * that was not decided), stationarity (0 unknown, 1 weak to 4 strong), second_order (0 unknown, 1 saddle, 2
+ * necessary, 3 minimum, 4 convex) and origin (0 this solve, 1 the session's solution before it). A bound that
+ * is not known is -infinity, a gap infinity. Also: equality_violation, inequality_violation,
+ * complementarity_violation, reopened (1 if its session was opened again for it, else 0), conflict (with
  * option explain: 0 none, 1 not minimal because a limit came first, 2 minimal: without any one of its parts
  * the others have a common point), setup_s, solve_s, queue_s, total_s. */
 int32_t marble_solution_number(const marble_solution* solution, const char* name, double* value,
                                marble_error* error);
+/* Returns the names of all numbers, by an index from 0; empty for an index beyond the last, or below 0. */
+const char* marble_solution_number_name(int32_t index);
 /* With option explain: parts of an infeasible problem that no point satisfies together, whatever the other
  * parts are. `part` is "equalities" (rows of Az + b = 0), "inequalities" (rows of Cz + d >= 0), "left_sides"
  * or "right_sides" (pairs of which Lz + l >= 0 or Rz + r >= 0 is needed) or "complementarities" (pairs of

@@ -1,4 +1,6 @@
 #include <cmath>
+#include <iterator>
+#include <optional>
 
 #include "handles.h"
 
@@ -37,6 +39,36 @@ double conflict_kind(const Solution& s) {
   if (!s.conflict) return 0.0;
   return s.conflict->minimal ? 2.0 : 1.0;
 }
+
+template <class Value>
+double number(const Value& value) {
+  return static_cast<double>(value);
+}
+template <class Value>
+double number(const std::optional<Value>& value) {
+  return value ? number(*value) : std::nan("");
+}
+
+using S = RemoteSolution;
+struct Number {
+  const char* name;
+  double (*of)(const S& solution);
+};
+constexpr Number kNumbers[] = {
+#define MARBLE_SOLUTION_NUMBER(name) {#name, [](const S& s) { return number(s.name); }},
+#define MARBLE_SOLUTION_OPTIONAL(name) {#name, [](const S& s) { return number(s.name); }},
+#define MARBLE_SOLUTION_ENUM(name) {#name, [](const S& s) { return number(s.name); }},
+#include "marble/solution.def"
+    {"equality_violation", [](const S& s) { return s.violations.equality; }},
+    {"inequality_violation", [](const S& s) { return s.violations.inequality; }},
+    {"complementarity_violation", [](const S& s) { return s.violations.complementarity; }},
+    {"reopened", [](const S& s) { return number(s.reopened); }},
+    {"conflict", [](const S& s) { return conflict_kind(s); }},
+    {"setup_s", [](const S& s) { return s.times.setup_s; }},
+    {"solve_s", [](const S& s) { return s.times.solve_s; }},
+    {"queue_s", [](const S& s) { return s.queue_s; }},
+    {"total_s", [](const S& s) { return s.total_s; }},
+};
 
 }  // namespace
 }  // namespace marble::c
@@ -106,19 +138,13 @@ std::int32_t marble_solution_vector(const marble_solution* solution, const char*
     if (values == nullptr) return unexpected(null("values"));
     if (count == nullptr) return unexpected(null("count"));
     const marble::Solution& s = solution->solution;
-    const std::pair<const char*, const std::vector<double>*> all[] = {
-        {"z", &s.z},
-        {"y", &s.equality_multipliers},
-        {"nu", &s.inequality_multipliers},
-        {"xi", &s.complementarity_multipliers_L},
-        {"eta", &s.complementarity_multipliers_R},
-        {"certificate", &s.certificate}};
-    for (const auto& [key, vector] : all) {
-      if (std::string_view(name) != key) continue;
-      *values = vector->data();
-      *count = static_cast<std::int64_t>(vector->size());
-      return {};
-    }
+#define MARBLE_SOLUTION_VECTOR(member, field, letter)    \
+  if (std::string_view(name) == #letter) {               \
+    *values = s.member.data();                           \
+    *count = static_cast<std::int64_t>(s.member.size()); \
+    return {};                                           \
+  }
+#include "marble/solution.def"
     return unexpected(marble::invalid("name", name, "must be z, y, nu, xi, eta or certificate"));
   });
 }
@@ -129,35 +155,18 @@ std::int32_t marble_solution_number(const marble_solution* solution, const char*
     if (solution == nullptr) return unexpected(null("solution"));
     if (name == nullptr) return unexpected(null("name"));
     if (value == nullptr) return unexpected(null("value"));
-    const marble::RemoteSolution& s = solution->solution;
-    const std::pair<const char*, double> all[] = {{"objective", s.objective},
-                                                  {"bound", s.bound},
-                                                  {"gap", s.gap},
-                                                  {"proved", s.proved ? 1.0 : 0.0},
-                                                  {"nodes", static_cast<double>(s.nodes)},
-                                                  {"open_nodes", static_cast<double>(s.open_nodes)},
-                                                  {"iterations", s.iterations},
-                                                  {"factorizations", s.factorizations},
-                                                  {"kkt_residual", s.kkt_residual},
-                                                  {"equality_violation", s.violations.equality},
-                                                  {"inequality_violation", s.violations.inequality},
-                                                  {"complementarity_violation", s.violations.complementarity},
-                                                  {"stationarity", static_cast<double>(s.stationarity)},
-                                                  {"second_order", static_cast<double>(s.second_order)},
-                                                  {"origin", static_cast<double>(s.origin)},
-                                                  {"reopened", s.reopened ? 1.0 : 0.0},
-                                                  {"conflict", marble::c::conflict_kind(s)},
-                                                  {"setup_s", s.times.setup_s},
-                                                  {"solve_s", s.times.solve_s},
-                                                  {"queue_s", s.queue_s},
-                                                  {"total_s", s.total_s}};
-    for (const auto& [key, number] : all) {
+    for (const auto& [key, of] : marble::c::kNumbers) {
       if (std::string_view(name) != key) continue;
-      *value = number;
+      *value = of(solution->solution);
       return {};
     }
     return unexpected(marble::invalid("name", name, "is no number of a solution"));
   });
+}
+
+const char* marble_solution_number_name(std::int32_t index) {
+  const bool is_one = index >= 0 && static_cast<std::size_t>(index) < std::size(marble::c::kNumbers);
+  return is_one ? marble::c::kNumbers[index].name : "";
 }
 
 std::int32_t marble_solution_conflict(const marble_solution* solution, const char* part,

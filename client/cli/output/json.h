@@ -29,16 +29,15 @@ template <class Document = Json>
 /// {code, field, index, value, bound, message}.
 [[nodiscard]] Json to_json(const Error& error);
 
-/// Adds the tree's values of Progress, Solution and JobInfo (global search): bound, gap, nodes, open_nodes
-/// and, if present, incumbent and reused_nodes. JSON has no infinity: unknown values are null.
+/// Adds the tree's values of Progress and JobInfo (global search): incumbent, bound, gap, nodes, open_nodes.
+/// JSON has no infinity: unknown values are null.
 template <class Reported>
 void add_tree(const Reported& reported, Json& json) {
-  if constexpr (requires { reported.incumbent; }) json["incumbent"] = reported.incumbent;
+  json["incumbent"] = reported.incumbent;
   json["bound"] = reported.bound;
   json["gap"] = reported.gap;
   json["nodes"] = reported.nodes;
   json["open_nodes"] = reported.open_nodes;
-  if constexpr (requires { reported.reused_nodes; }) json["reused_nodes"] = reported.reused_nodes;
 }
 
 /// Returns the JSON without a line break; bytes that are not UTF-8, which file names may contain, are

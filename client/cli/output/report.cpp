@@ -2,6 +2,8 @@
 
 #include <cstdarg>
 #include <cstdio>
+#include <optional>
+#include <string_view>
 
 #include "marble/report/solution_kind.h"
 #include "output/json.h"
@@ -58,6 +60,36 @@ std::string headline(const Subject& p, const Answer& s) {
   return without_controls(p.name) + ": " + to_string(s.status) +
          format("  (%zu variables, %zu equalities, %zu inequalities, %zu pairs)\n", p.variables, p.equalities,
                 p.inequalities, p.pairs);
+}
+
+bool is_multiplier(std::string_view letter) {
+#define MARBLE_POINT(name, member, field) \
+  if (letter == #name) return true;
+#include "marble/contract.def"
+  return false;
+}
+
+template <class Value>
+void add_other(const char* name, const Value& value, Json& json) {
+  if (!json.contains(name)) json[name] = value;
+}
+template <class Value>
+void add_other(const char* name, const std::optional<Value>& value, Json& json) {
+  if (value) add_other(name, *value, json);
+}
+
+// Adds the fields of solution.def that json_line does not place itself, except the multipliers, whose
+// JSON has other names. JSON has no infinity: unknown values are null. Only a warm start needs the reference
+// objective.
+void add_others(const Solution& s, Json& json) {
+#define MARBLE_SOLUTION_NUMBER(name) add_other(#name, s.name, json);
+#define MARBLE_SOLUTION_OPTIONAL(name) add_other(#name, s.name, json);
+#define MARBLE_SOLUTION_TEXT(name) add_other(#name, s.name, json);
+#define MARBLE_SOLUTION_ENUM(name) add_other(#name, to_string(s.name), json);
+#define MARBLE_SOLUTION_VECTOR(name, field, letter) \
+  if (!s.name.empty() && !is_multiplier(#letter)) add_other(#name, s.name, json);
+#include "marble/solution.def"
+  json.erase("reference_objective");
 }
 
 SolutionFacts facts_of(const Subject& p, const Answer& s) {
@@ -148,11 +180,8 @@ std::string json_line(const Subject& problem, const Answer& s) {
   json["stationarity"] = to_string(s.stationarity);
   if (s.b_stationary) json["b_stationary"] = *s.b_stationary;
   json["second_order"] = to_string(s.second_order);
-  json["proved"] = s.proved;
-  add_tree(s, json);
+  add_others(s, json);
   if (problem.maximize) json["bound"] = problem.of_file(s.bound);
-  json["iterations"] = s.iterations;
-  json["factorizations"] = s.factorizations;
   json["solve_seconds"] = s.times.solve_s;
   json["setup_seconds"] = s.times.setup_s;
   json["factorization_seconds"] = s.times.factorization_s;

@@ -3,7 +3,6 @@
 #include <pybind11/stl.h>
 
 #include <cmath>
-#include <initializer_list>
 #include <vector>
 
 #include "arrays.h"
@@ -15,11 +14,18 @@ namespace {
 
 PyObject* fault_type = nullptr;
 
+constexpr Status last(Status) { return Status::numerical_failure; }
+constexpr Stationarity last(Stationarity) { return Stationarity::strong; }
+constexpr SecondOrder last(SecondOrder) { return SecondOrder::convex; }
+constexpr PointOrigin last(PointOrigin) { return PointOrigin::previous; }
+
+// Reads a member of one of Python's enumerations, which have None in place of "unknown".
 template <class Enum>
-Enum named(const py::handle& name, std::initializer_list<Enum> all) {
-  const auto text = name.cast<std::string>();
-  for (const Enum value : all) {
-    if (text == to_string(value)) return value;
+void read(const py::object& member, Enum& value) {
+  const std::string text = member.is_none() ? "unknown" : member.attr("value").cast<std::string>();
+  for (int i = 0; i <= static_cast<int>(last(Enum{})); ++i) {
+    value = static_cast<Enum>(i);
+    if (text == to_string(value)) return;
   }
   throw py::value_error("no such status: " + text);
 }
@@ -59,12 +65,12 @@ std::optional<Solution> answer_of(const py::object& given) {
   if (given.is_none()) return {};
   const auto parts = given.cast<py::tuple>();
   Solution start;
-  std::vector<double>* const vectors[] = {&start.z, &start.equality_multipliers,
-                                          &start.inequality_multipliers, &start.complementarity_multipliers_L,
-                                          &start.complementarity_multipliers_R};
   Borrowed arrays;
   std::size_t place = 0;
-  for (std::vector<double>* const vector : vectors) {
+  for (std::vector<double>* const vector : {
+#define MARBLE_POINT(letter, member, field) &start.member,
+#include "marble/contract.def"
+       }) {
     const std::span<const double> values = arrays.doubles(parts[place++]);
     vector->assign(values.begin(), values.end());
   }
@@ -99,30 +105,14 @@ py::object tuple_of(const std::optional<Conflict>& conflict) {
 
 py::dict dict_of(Solution s, const Options& options, double total_s) {
   py::dict answer;
-  answer["status"] = to_string(s.status);
-  answer["detail"] = s.detail;
-  answer["z"] = Numbers{std::move(s.z)};
-  answer["y"] = Numbers{std::move(s.equality_multipliers)};
-  answer["nu"] = Numbers{std::move(s.inequality_multipliers)};
-  answer["xi"] = Numbers{std::move(s.complementarity_multipliers_L)};
-  answer["eta"] = Numbers{std::move(s.complementarity_multipliers_R)};
-  answer["certificate"] = Numbers{std::move(s.certificate)};
-  answer["objective"] = s.objective;
+#define MARBLE_SOLUTION_NUMBER(name) answer[#name] = s.name;
+#define MARBLE_SOLUTION_OPTIONAL(name) answer[#name] = s.name;
+#define MARBLE_SOLUTION_TEXT(name) answer[#name] = s.name;
+#define MARBLE_SOLUTION_VECTOR(name, field, letter) answer[#letter] = Numbers{std::move(s.name)};
+#define MARBLE_SOLUTION_ENUM(name) answer[#name] = to_string(s.name);
+#include "marble/solution.def"
+  // Parts have forms of their own.
   answer["violations"] = tuple_of(s.violations);
-  answer["kkt_residual"] = s.kkt_residual;
-  answer["origin"] = to_string(s.origin);
-  answer["stationarity"] = to_string(s.stationarity);
-  answer["b_stationary"] = s.b_stationary ? py::object(py::bool_(*s.b_stationary)) : py::object(py::none());
-  answer["second_order"] = to_string(s.second_order);
-  answer["proved"] = s.proved;
-  answer["bound"] = s.bound;
-  answer["gap"] = s.gap;
-  answer["nodes"] = s.nodes;
-  answer["open_nodes"] = s.open_nodes;
-  answer["reused_nodes"] = s.reused_nodes;
-  answer["iterations"] = s.iterations;
-  answer["factorizations"] = s.factorizations;
-  answer["reference_objective"] = s.reference_objective;
   answer["options"] = dict_of(options);
   answer["conflict"] = tuple_of(s.conflict);
   answer["sensitivity"] = derivatives_reported(std::move(s.sensitivity));
@@ -144,38 +134,16 @@ py::dict dict_of(const ProblemUpdate& update) {
 }
 
 Solution solution_of(const py::object& answer) {
-  const auto word = [&answer](const char* name) {
-    const py::object kind = answer.attr(name);
-    return kind.is_none() ? py::object(py::str("unknown")) : py::object(kind.attr("value"));
-  };
   Solution s;
-  s.status = named<Status>(word("status"), {
-#define MARBLE_STATUS(name, ...) Status::name,
-#include "marble/contract.def"
-                                           });
-  s.detail = answer.attr("detail").cast<std::string>();
-  s.z = owned(answer.attr("z")), s.equality_multipliers = owned(answer.attr("y"));
-  s.inequality_multipliers = owned(answer.attr("nu"));
-  s.complementarity_multipliers_L = owned(answer.attr("xi"));
-  s.complementarity_multipliers_R = owned(answer.attr("eta"));
-  s.certificate = owned(answer.attr("certificate"));
-  s.objective = answer.attr("objective").cast<double>();
+#define MARBLE_SOLUTION_NUMBER(name) s.name = answer.attr(#name).cast<decltype(s.name)>();
+#define MARBLE_SOLUTION_OPTIONAL(name) s.name = answer.attr(#name).cast<decltype(s.name)>();
+#define MARBLE_SOLUTION_TEXT(name) s.name = answer.attr(#name).cast<std::string>();
+#define MARBLE_SOLUTION_VECTOR(name, field, letter) s.name = owned(answer.attr(#letter));
+#define MARBLE_SOLUTION_ENUM(name) read(answer.attr(#name), s.name);
+#include "marble/solution.def"
   const py::object violations = answer.attr("violations");
   s.violations = {violations.attr("equality").cast<double>(), violations.attr("inequality").cast<double>(),
                   violations.attr("complementarity").cast<double>()};
-  s.kkt_residual = answer.attr("kkt_residual").cast<double>();
-  if (const py::object b = answer.attr("b_stationary"); !b.is_none()) s.b_stationary = b.cast<bool>();
-  s.stationarity = named<Stationarity>(word("stationarity"),
-                                       {Stationarity::unknown, Stationarity::weak, Stationarity::clarke,
-                                        Stationarity::mordukhovich, Stationarity::strong});
-  s.second_order = named<SecondOrder>(word("second_order"),
-                                      {SecondOrder::unknown, SecondOrder::saddle, SecondOrder::necessary,
-                                       SecondOrder::minimum, SecondOrder::convex});
-  s.proved = answer.attr("proved").cast<bool>();
-  s.bound = answer.attr("bound").cast<double>();
-  s.iterations = answer.attr("iterations").cast<decltype(s.iterations)>();
-  s.factorizations = answer.attr("factorizations").cast<decltype(s.factorizations)>();
-  s.reference_objective = answer.attr("reference_objective").cast<double>();
   return s;
 }
 

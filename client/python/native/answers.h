@@ -34,7 +34,7 @@ T value_or_raise(Expected<T> expected) {
 /// Converts (z, y, nu, xi, eta, cold objective), or None.
 [[nodiscard]] std::optional<Solution> answer_of(const pybind11::object& given);
 
-/// Converts a marble.Solution, without its times, options and tree.
+/// Converts a marble.Solution: the fields of solution.def without times, sensitivity and conflict.
 [[nodiscard]] Solution solution_of(const pybind11::object& answer);
 /// Converts a solution to the fields of a marble.Solution except `problem` and `job_id`; `options` as used,
 /// total_s: from the call to the solution.

@@ -92,6 +92,7 @@ struct Times {
 
 /// The result of a solve. All vectors are in the user's units. At a solution, Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη
 /// = 0 and ν ≥ 0.
+// After a change run proto/generate: it makes solution.def, from which conversions and clients follow.
 struct Solution {
   Status status = Status::numerical_failure;          ///< why the solve ended
   std::string detail;                                 ///< one sentence: the numbers that justify the status

@@ -42,6 +42,8 @@ struct TreeResult {
   std::int64_t nodes = 0, open_nodes = 0, reused_nodes = 0;
   std::string remark;
 
+  /// Copies bound, gap and numbers of nodes to a solution.
+  void report(Solution& solution) const;
   /// Sets the gap of a solution other than the tree's, and a bound that is not above its objective.
   void measure(double objective);
   /// Call this if the solution is lower than the tree's because it is feasible to the tolerances only.

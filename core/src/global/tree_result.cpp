@@ -20,6 +20,14 @@ double within(const Options& options) { return std::max(options.relative_gap_tol
 
 }  // namespace
 
+void TreeResult::report(Solution& solution) const {
+  solution.bound = bound;
+  solution.gap = gap;
+  solution.nodes = nodes;
+  solution.open_nodes = open_nodes;
+  solution.reused_nodes = reused_nodes;
+}
+
 void TreeResult::measure(double objective) {
   bound = std::min(bound, objective);
   gap = relative_gap(objective, bound);

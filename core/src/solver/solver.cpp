@@ -165,12 +165,9 @@ bool change_method(const Options& before, const Options& now) {
 // Sets what is known about the global optimum, from a certificate or a tree.
 void take_proof(const Strategy::Answer& found, Solution& solution) {
   const bool infeasible = solution.status == Status::infeasible;
+  found.tree.report(solution);
   solution.proved = found.tree.proved || infeasible || solution.status == Status::unbounded;
-  solution.bound = infeasible ? std::numeric_limits<double>::infinity() : found.tree.bound;
-  solution.gap = found.tree.gap;
-  solution.nodes = found.tree.nodes;
-  solution.open_nodes = found.tree.open_nodes;
-  solution.reused_nodes = found.tree.reused_nodes;
+  if (infeasible) solution.bound = std::numeric_limits<double>::infinity();
 }
 
 // Uses the solve's last factor if it belongs to the branch. Further starts may leave a different one behind,

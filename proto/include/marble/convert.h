@@ -80,30 +80,25 @@ void to_message(const Conflict& conflict, v1::Conflict* message);
 void to_message(const Violations& violations, v1::Violations* message);
 [[nodiscard]] Violations violations_of(const v1::Violations& message);
 
-/// Copies the state of a tree (option global_search) from Progress, Solution or a job. Unknown values are
-/// absent in the message, so that a solve without a tree sends none of them, and infinite in `reported`.
+/// Copies the state of a tree (option global_search) of Progress or a job. Unknown values are absent in the
+/// message, so that a solve without a tree sends none of them, and infinite in `reported`.
 template <class Reported, class Message>
 void tree_to_message(const Reported& reported, Message* message) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  if constexpr (requires { reported.incumbent; }) {
-    if (reported.incumbent < kInfinity) message->set_incumbent(reported.incumbent);
-  }
+  if (reported.incumbent < kInfinity) message->set_incumbent(reported.incumbent);
   if (reported.bound > -kInfinity) message->set_bound(reported.bound);
   if (reported.gap < kInfinity) message->set_gap(reported.gap);
   message->set_nodes(reported.nodes);
   message->set_open_nodes(reported.open_nodes);
-  if constexpr (requires { reported.reused_nodes; }) message->set_reused_nodes(reported.reused_nodes);
 }
 template <class Message, class Reported>
 void take_tree(const Message& message, Reported& reported) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  if constexpr (requires { reported.incumbent; })
-    reported.incumbent = message.has_incumbent() ? message.incumbent() : kInfinity;
+  reported.incumbent = message.has_incumbent() ? message.incumbent() : kInfinity;
   reported.bound = message.has_bound() ? message.bound() : -kInfinity;
   reported.gap = message.has_gap() ? message.gap() : kInfinity;
   reported.nodes = message.nodes();
   reported.open_nodes = message.open_nodes();
-  if constexpr (requires { reported.reused_nodes; }) reported.reused_nodes = message.reused_nodes();
 }
 
 void to_message(const Activity& activity, v1::Activity* message);
@@ -116,7 +111,8 @@ void to_message(const Progress& progress, v1::Progress* message);
 [[nodiscard]] v1::Status to_message(Status status);
 [[nodiscard]] Status status_of(v1::Status status);
 
-/// Copies everything except the queue and total times and the options, which the service knows.
+/// Copies the fields of solution.def, so everything except the queue and total times and the options, which
+/// the service knows.
 void to_message(const Solution& solution, v1::Solution* message);
 [[nodiscard]] Solution solution_of(const v1::Solution& message);
 /// Copies the start of a solve: only the vectors and the reference objective (reference_objective).

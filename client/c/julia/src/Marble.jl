@@ -69,12 +69,9 @@ struct Solution
     xi::Vector{Float64}
     eta::Vector{Float64}
     certificate::Vector{Float64}
-    numbers::Dict{String,Float64}  # bound, gap, iterations, factorizations, kkt_residual, violations, times
+    numbers::Dict{String,Float64}  # all that marble_solution_number returns: bound, gap, iterations, violations, times, …
     conflict::Union{Conflict,Nothing}  # with option explain, of a problem that is proved to be infeasible
 end
-
-const NUMBERS = ("bound", "gap", "proved", "nodes", "iterations", "factorizations", "kkt_residual", "equality_violation",
-                 "inequality_violation", "complementarity_violation", "solve_s", "total_s")
 
 function vector(handle, name)
     values, count = Ref{Ptr{Float64}}(C_NULL), Ref{Int64}(0)
@@ -88,6 +85,16 @@ function number(handle, name)
     checked(error -> ccall((:marble_solution_number, LIBRARY), Int32, (Ptr{Cvoid}, Cstring, Ref{Float64}, Ptr{UInt8}),
                            handle, name, value, error))
     return value[]
+end
+
+# The names of all numbers of a solution.
+function number_names()
+    names = String[]
+    while true
+        name = unsafe_string(ccall((:marble_solution_number_name, LIBRARY), Cstring, (Int32,), length(names)))
+        isempty(name) && return names
+        push!(names, name)
+    end
 end
 
 function conflict_part(handle, part)
@@ -113,7 +120,7 @@ function taken(handle)
                         unsafe_string(ccall((:marble_solution_detail, LIBRARY), Cstring, (Ptr{Cvoid},), handle)),
                         ccall((:marble_solution_objective, LIBRARY), Float64, (Ptr{Cvoid},), handle),
                         (vector(handle, name) for name in ("z", "y", "nu", "xi", "eta", "certificate"))...,
-                        Dict(name => number(handle, name) for name in NUMBERS), conflict_of(handle))
+                        Dict(name => number(handle, name) for name in number_names()), conflict_of(handle))
     finally
         ccall((:marble_solution_destroy, LIBRARY), Cvoid, (Ptr{Cvoid},), handle)
     end

@@ -9,7 +9,6 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from marble.base import contract, tables
-from marble.base.fields import SOLUTION_VECTORS
 from marble.base.lazy import lazy
 
 grpc: Any = lazy("grpc")
@@ -22,7 +21,7 @@ Index = int | tuple[int, int] | None
 # Fields that have other names in marble._core; all others have the letters of the equation.
 _OF_CORE = {"initial_z": "z0",
             **{f"warm_start.{field}".replace("_l", "_L").replace("_r", "_R"): f"warm_start.{name}"
-               for name, field in SOLUTION_VECTORS.items() if name != field}}
+               for name, field in tables.SOLUTION_VECTORS.items() if name != field}}
 # The letters of the equation, and the names of the fields of marble.v1.Problem and marble.v1.ProblemUpdate.
 _LETTERS = {"constant": "c0", "initial_point.z": "z0",
             **{field.replace("_L", "_l").replace("_R", "_r"): name for field, name in _OF_CORE.items()},

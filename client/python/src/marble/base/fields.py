@@ -4,14 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-SOLUTION_VECTORS: Final = {
-    "z": "z",
-    "y": "equality_multipliers",
-    "nu": "inequality_multipliers",
-    "xi": "complementarity_multipliers_l",
-    "eta": "complementarity_multipliers_r",
-}
-"""The point and its multipliers: names of this package and of marble.v1.Solution, WarmStart and AnswerVectors."""
+from marble.base.tables import SOLUTION_VECTORS
+
 _KEY: Final = "field of the message"
 
 

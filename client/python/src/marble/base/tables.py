@@ -29,6 +29,14 @@ VALUES: Final = {
     "R": "right_values",
 }
 """The fields of marble.v1.ProblemUpdate with a matrix's values."""
+SOLUTION_VECTORS: Final = {
+    "z": "z",
+    "y": "equality_multipliers",
+    "nu": "inequality_multipliers",
+    "xi": "complementarity_multipliers_l",
+    "eta": "complementarity_multipliers_r",
+}
+"""A point and its multipliers: the letters, and the fields of marble.v1.Solution, WarmStart and AnswerVectors."""
 ERRORS: Final = {
     1: "cancelled",
     3: "invalid_argument",

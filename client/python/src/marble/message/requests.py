@@ -13,8 +13,7 @@ from typing import Any, Final
 
 from marble.base import contract
 from marble.base.checks import is_number
-from marble.base.fields import SOLUTION_VECTORS
-from marble.base.tables import LARGEST_PAGE, LONGEST_REQUEST_ID, MATRICES, VECTORS
+from marble.base.tables import LARGEST_PAGE, LONGEST_REQUEST_ID, MATRICES, SOLUTION_VECTORS, VECTORS
 from marble.errors import InvalidArgument
 from marble.message import sensitivity
 from marble.message.job import JobState, Priority

@@ -7,8 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from marble.base import contract
-from marble.base.fields import SOLUTION_VECTORS
-from marble.base.tables import VALUES, VECTORS
+from marble.base.tables import SOLUTION_VECTORS, VALUES, VECTORS
 from marble.errors import FailedPrecondition, from_core
 from marble.message import records
 from marble.message.wire import Encoder

@@ -9,8 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from marble.base.fields import SOLUTION_VECTORS
-from marble.base.tables import MATRICES, VECTORS
+from marble.base.tables import MATRICES, SOLUTION_VECTORS, VECTORS
 from marble.errors import Error, InvalidArgument
 from marble.model import lcqp
 from marble.model.lcqp import LCQP, MatrixLike, Vector

@@ -18,6 +18,7 @@ from marble.errors import AlmostSolved, Unsolved
 from marble.model.conflict import Conflict
 from marble.model.derivatives import SensitivityAnswer
 from marble.model.lcqp import LCQP, Vector, twin
+from marble.model.solution_fields import SolutionFields
 from marble.model.solution_kind import SolutionFacts, SolutionKind
 
 
@@ -81,30 +82,18 @@ class Times:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Solution:
+class Solution(SolutionFields):
     """The result of a solve, in the problem's units. At a solution Q z + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0, ν ≥ 0.
 
-    status, detail: why the solve ended, and one sentence with the numbers behind it.
+    status: why the solve ended.
     origin: where z comes from: PREVIOUS where a session's solve was cut off and only the shifted solution before it is
-    feasible. z: the point, n. y: multipliers of A z + b = 0, n_e, free sign. nu: of C z + d ≥ 0, n_i. xi, eta: of
-    the two sides of the pairs, n_c.
+    feasible.
     s, t: the sides L z + l and R z + r, n_c.
-    certificate: for INFEASIBLE (y, ν, ξ, η) stacked, with bᵀy − dᵀν − lᵀξ − rᵀη = 1 and Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0 to
-    rounding, or empty where each branch was refuted by itself; for UNBOUNDED a direction v, n, along which the
-    objective falls from z without bound; else empty.
-    objective; violations; kkt_residual: max |Q z + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|.
-    stationarity: None where the point is not solved. b_stationary: no feasible direction of descent is left; None
-    where that was not decided. second_order: whether the point is a local minimum; None where it is not solved.
-    proved: of option global_search: z is within relative_gap_tolerance of the bound, or a tree ended infeasible; also,
-    without it, of a certificate, and of a small problem whose tree came to its end within max_small_problem_nodes.
-    Where z of option global_search is not proved, detail says why. bound: no feasible point has an objective below it;
-    -inf where none is known, so of what neither option global_search nor max_small_problem_nodes has bounded, inf of a
-    problem that is proved infeasible. gap: (objective - bound) / max(1, |objective|), ≥ 0; inf without a feasible point
-    or a bound. nodes, open_nodes: of the tree of option global_search or max_small_problem_nodes, bounded, and left
-    open at the end. reused_nodes: of a session's last tree, that this one began with instead of the root.
-    iterations, factorizations: counts. times: seconds. options: every option as it was used. reference_objective: what
-    a cold start last reached on the way here. job_id: the server's.
-    problem: what was solved. sensitivity: the derivatives that were requested with the solve; None without.
+    violations: of z, in the problem's units.
+    stationarity: None where the point is not solved. second_order: whether the point is a local minimum; None where it
+    is not solved.
+    times: seconds. options: every option as it was used. job_id: the server's. problem: what was solved.
+    sensitivity: the derivatives that were requested with the solve; None without.
     conflict: with option explain, the parts that make the problem infeasible; None where it is not proved to be.
     reopened: whether the session was set up again since its last solution because its server was lost: it has started
     at the last z, without the rest of the session's state.
@@ -116,31 +105,12 @@ class Solution:
     """
 
     status: Status
-    detail: str
     origin: PointOrigin = PointOrigin.SOLVE
-    z: Vector
-    y: Vector
-    nu: Vector
-    xi: Vector
-    eta: Vector
-    certificate: Vector
-    objective: float
     violations: Violations
-    kkt_residual: float
     stationarity: Stationarity | None
-    b_stationary: bool | None
     second_order: SecondOrder | None
-    proved: bool
-    bound: float = -math.inf
-    gap: float = math.inf
-    nodes: int
-    open_nodes: int
-    reused_nodes: int
-    iterations: int
-    factorizations: int
     times: Times
     options: Mapping[str, float | int | bool | str]
-    reference_objective: float
     job_id: str
     problem: LCQP
     row_duals: Vector = field(default_factory=lambda: np.zeros(0))
@@ -261,6 +231,10 @@ class Solution:
         title = html.escape(self._title())
         return (f"<table><caption style='text-align:left'><span style='color:{colour}'>●</span> "
                 f"<b>{title}</b></caption>{rows}</table>")
+
+
+if SolutionFields.__doc__:  # help(Solution) would not show them; python -OO has no docstrings
+    Solution.__doc__ = f"{Solution.__doc__}\n    {SolutionFields.__doc__}"
 
 
 @dataclass(frozen=True, eq=False)
