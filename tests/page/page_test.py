@@ -231,17 +231,42 @@ class Page(unittest.TestCase):
         self.assertNotIn("multiplier", self.browser.find("#conflict").text)
         self.assertEqual(self.browser.complaints(), [])
 
+    def test_an_infeasible_solve_shows_why_although_its_result_is_not_kept(self):
+        server = self.start()
+        path = server.folder / "bounds.json"
+        path.write_text(json.dumps({"name": "bounds", "n": 1, "g": [1], "C": {"rows": 3, "cols": 1, "i": [0, 1, 2], "j": [0, 0, 0], "v": [1, -1, 1]},
+                                    "d": [-2, 1, 5]}))
+        server.run("solve", "--quiet", path, check=False)
+        server.run("solve", "--quiet", "--option", "explain=true", path, check=False)
+        explained, unexplained = (job["job_id"] for job in server.jobs())
+        self.open(server, f"/#/jobs/{unexplained}")
+        for text in ("inequality 0", "inequality 1", "multiplier", "With option explain=true"):
+            self.browser.wait_text("#conflict", text)
+        self.assertFalse(self.browser.find("#answer").is_displayed())
+        self.open(server, f"/#/jobs/{explained}")
+        for text in ("inequality 0C z + d ≥ 0", "inequality 1C z + d ≥ 0", "Minimal: without any one of them"):
+            self.browser.wait_text("#conflict", text)
+        for job in (explained, unexplained):
+            self.open(server, f"/#/jobs/{job}")
+            self.browser.wait_text("#conflict", "inequality 1")
+            self.assertNotIn("inequality 2", self.browser.text("#conflict"))
+        server.run("solve", "--quiet", server.tiny())
+        self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
+        self.browser.wait_text("#job-status", "solved")
+        self.assertFalse(self.browser.find("#conflict").is_displayed())
+        self.assertEqual(self.browser.complaints(), [])
+
     def test_an_incomplete_conflict_is_not_minimal_and_a_long_one_is_shortened(self):
         self.open(self.start())
-        conflict = {"inequalities": list(range(102)), "right_sides": [7], "minimal": False, "detail": "time_limit_s came first"}
+        conflict = {"inequalities": list(range(99)), "right_sides": [7], "minimal": False, "detail": "time_limit_s came first"}
         rows, notes = self.browser.run("""
           return Promise.all([import("/assets/jobs/findings.js"), import("/assets/jobs/job_tables.js")]).then(([findings, tables]) => {
             const place = document.createElement("div");
             tables.showConflict(place, findings.conflictingParts(arguments[0]));
             return ["tbody tr", ".note"].map((kind) => [...place.querySelectorAll(kind)].map((line) => line.textContent));
-          });""", conflict)
+          });""", {"conflict": conflict, "more_parts": "3"})
         self.assertEqual((len(rows), rows[0]), (100, "inequality 0C z + d ≥ 0"))
-        self.assertEqual(notes[1:], ["and 3 more; the result as JSON has all of them.",
+        self.assertEqual(notes[1:], ["and 3 more; the solution has all of them.",
                                      "Not minimal: fewer of them may conflict.", "time_limit_s came first"])
 
     def test_a_job_shows_the_kind_of_its_solution_and_what_to_try(self):
