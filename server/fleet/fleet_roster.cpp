@@ -13,19 +13,19 @@
 namespace marble::server {
 namespace {
 
-constexpr std::chrono::seconds kPeriod{2};
-constexpr double kOldest = 4e9;  // seconds
-constexpr std::int64_t kMostCount = std::int64_t{1} << 40;
+constexpr std::chrono::seconds kReportPeriod{2};
+constexpr double kOldestReport = 4e9;  // seconds
+constexpr std::int64_t kMostReported = std::int64_t{1} << 40;
 
 // Lost with a crash of the database, and reported again after it.
-constexpr const char* kLock = "SELECT pg_advisory_xact_lock(hashtext('marble_schema'))";
-constexpr const char* kMake =
+constexpr const char* kLockServers = "SELECT pg_advisory_xact_lock(hashtext('marble_schema'))";
+constexpr const char* kMakeServers =
     "CREATE UNLOGGED TABLE IF NOT EXISTS marble_servers (instance text PRIMARY KEY, name text NOT NULL,"
     " address text NOT NULL, page text NOT NULL, version text NOT NULL, state text NOT NULL,"
     " started timestamptz NOT NULL, seen timestamptz NOT NULL, workers bigint NOT NULL,"
     " running bigint NOT NULL, queued bigint NOT NULL, sessions bigint NOT NULL, answered bigint NOT NULL,"
     " solved bigint NOT NULL, median_s float8 NOT NULL, p99_s float8 NOT NULL)";
-constexpr const char* kAnnounce =
+constexpr const char* kReportServer =
     "INSERT INTO marble_servers VALUES ($1, $2, $3, $4, $5, $6,"
     " clock_timestamp() - make_interval(secs => $7), clock_timestamp(), $8, $9, $10, $11, $12, $13, $14, $15)"
     " ON CONFLICT (instance) DO UPDATE SET state = excluded.state, seen = excluded.seen,"
@@ -33,27 +33,27 @@ constexpr const char* kAnnounce =
     " sessions = excluded.sessions, answered = excluded.answered, solved = excluded.solved,"
     " median_s = excluded.median_s, p99_s = excluded.p99_s";
 // A restarted server replaces its former report. Other lost servers are listed for a day.
-constexpr const char* kForget =
+constexpr const char* kForgetServers =
     "DELETE FROM marble_servers WHERE (name = $2 AND instance <> $1"
     " AND seen < clock_timestamp() - make_interval(secs => $3))"
     " OR seen < clock_timestamp() - interval '1 day' OR seen > clock_timestamp() + interval '1 day'";
-constexpr const char* kList =
+constexpr const char* kListServers =
     "SELECT instance, left(name, 256), left(address, 256), left(page, 256), left(version, 64), left(state, "
     "16),"
     " (extract(epoch FROM clock_timestamp()) - extract(epoch FROM seen))::float8,"
     " (extract(epoch FROM clock_timestamp()) - extract(epoch FROM started))::float8,"
     " workers, running, queued, sessions, answered, solved, median_s, p99_s"
     " FROM marble_servers ORDER BY name, instance LIMIT 1000";
-constexpr const char* kWaiting = "SELECT count(*) FROM marble_jobs WHERE state = 0";
-constexpr const char* kLeave = "DELETE FROM marble_servers WHERE instance = $1";
+constexpr const char* kCountWaiting = "SELECT count(*) FROM marble_jobs WHERE state = 0";
+constexpr const char* kLeaveServers = "DELETE FROM marble_servers WHERE instance = $1";
 
-std::string host_name() {
+std::string machine_name() {
   std::array<char, 256> host = {};
   (void)gethostname(host.data(), host.size() - 1);
   return host.data();
 }
 
-double age(double seconds) { return seconds > 0.0 ? std::min(seconds, kOldest) : 0.0; }
+double report_age(double seconds) { return seconds > 0.0 ? std::min(seconds, kOldestReport) : 0.0; }
 
 }  // namespace
 
@@ -92,7 +92,7 @@ FleetRoster::~FleetRoster() {
 }
 
 void FleetRoster::start(const std::string& address, const std::string& page) {
-  const std::string host = host_name();
+  const std::string host = machine_name();
   address_ = reachable(address, host);
   page_ = reachable(page, host);
   const std::size_t colon = address.rfind(':');
@@ -133,11 +133,12 @@ void FleetRoster::run() {
       list_.error = read.error();
     }
   } while (wait());
-  if (well && database_ && database_->is_open()) (void)database_->run(PgStatement(kLeave).text(instance_));
+  if (well && database_ && database_->is_open())
+    (void)database_->run(PgStatement(kLeaveServers).text(instance_));
 }
 
 bool FleetRoster::wait() {
-  const auto end = std::chrono::steady_clock::now() + kPeriod;
+  const auto end = std::chrono::steady_clock::now() + kReportPeriod;
   const MutexLock lock(mutex_);
   while (!closing_ && wake_.wait_until(mutex_, end) == std::cv_status::no_timeout) {
   }
@@ -148,7 +149,7 @@ Expected<void> FleetRoster::connect() {
   if (database_ && database_->is_open()) return {};
   auto opened = Postgres::open(parts_.config.state);
   if (!opened) return unexpected(opened.error());
-  const std::array make = {PgStatement(kLock), PgStatement(kMake)};
+  const std::array make = {PgStatement(kLockServers), PgStatement(kMakeServers)};
   if (auto made = opened->run(make); !made) return unexpected(made.error());
   database_ = std::move(*opened);
   return {};
@@ -158,7 +159,7 @@ PgStatement FleetRoster::announcement() const {
   const Counters counters = parts_.scheduler.counters();
   const LastMinute::Sum minute = parts_.scheduler.last_minute();
   const Latencies::Quantiles latencies = parts_.scheduler.latencies(Latencies::kSeconds);
-  return PgStatement(kAnnounce)
+  return PgStatement(kReportServer)
       .text(instance_)
       .text(name_)
       .text(address_)
@@ -180,9 +181,10 @@ Expected<ServerList> FleetRoster::report() {
   if (auto connected = connect(); !connected) return unexpected(connected.error());
   std::vector<PgStatement> statements;
   statements.push_back(announcement());
-  statements.push_back(PgStatement(kForget).text(instance_).text(name_).real(parts_.config.state_lease_s));
-  statements.emplace_back(kList);
-  statements.emplace_back(kWaiting);
+  statements.push_back(
+      PgStatement(kForgetServers).text(instance_).text(name_).real(parts_.config.state_lease_s));
+  statements.emplace_back(kListServers);
+  statements.emplace_back(kCountWaiting);
   const auto results = database_->run(statements);
   if (!results) return unexpected(results.error());
   ServerList list;
@@ -196,7 +198,7 @@ Expected<ServerList> FleetRoster::report() {
 ListedServer FleetRoster::listed(const PgRows& rows, int row) const {
   const auto text = [&](int column) { return utf8(std::string(rows.bytes(row, column))); };
   const auto count = [&](int column) {
-    return std::clamp<std::int64_t>(rows.integer(row, column), 0, kMostCount);
+    return std::clamp<std::int64_t>(rows.integer(row, column), 0, kMostReported);
   };
   const std::string state = text(5);
   ListedServer server{.name = text(1),
@@ -205,8 +207,8 @@ ListedServer FleetRoster::listed(const PgRows& rows, int row) const {
                       .version = text(4),
                       .state = state == "draining" ? "draining" : "serving",
                       .is_this = rows.bytes(row, 0) == instance_,
-                      .seen_s = age(rows.real(row, 6)),
-                      .uptime_s = age(rows.real(row, 7)),
+                      .seen_s = report_age(rows.real(row, 6)),
+                      .uptime_s = report_age(rows.real(row, 7)),
                       .workers = count(8),
                       .running = count(9),
                       .queued = count(10),

@@ -11,27 +11,29 @@
 namespace marble::server::http {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
-Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+OrderedJson number_or_null(double value) {
+  return std::isfinite(value) ? OrderedJson(value) : OrderedJson(nullptr);
+}
 
-Json json_of(const ListedServer& server) {
+OrderedJson report_of(const ListedServer& server) {
   return {{"name", server.name},
           {"address", server.address},
           {"page", server.page},
           {"version", server.version},
           {"state", server.is_lost ? "lost" : server.state},
           {"this", server.is_this},
-          {"seen_s", number(server.seen_s)},
-          {"uptime_s", number(server.uptime_s)},
+          {"seen_s", number_or_null(server.seen_s)},
+          {"uptime_s", number_or_null(server.uptime_s)},
           {"workers", server.workers},
           {"running", server.running},
           {"queued", server.queued},
           {"sessions", server.sessions},
           {"answered_last_minute", server.answered},
           {"solved_last_minute", server.solved},
-          {"p50_last_minute_s", number(server.median_s)},
-          {"p99_last_minute_s", number(server.p99_s)}};
+          {"p50_last_minute_s", number_or_null(server.median_s)},
+          {"p99_last_minute_s", number_or_null(server.p99_s)}};
 }
 
 }  // namespace
@@ -39,14 +41,14 @@ Json json_of(const ListedServer& server) {
 std::string servers_json(const ServiceParts& parts) {
   if (parts.roster == nullptr) return R"({"shared":false})";
   const ServerList list = parts.roster->servers();
-  Json servers = Json::array();
-  for (const ListedServer& server : list.servers) servers.push_back(json_of(server));
-  const Json json = {{"shared", true},
-                     {"waiting", list.waiting},
-                     {"age_s", number(list.age_s)},
-                     {"error", list.error ? list.error->bound : ""},
-                     {"servers", std::move(servers)}};
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  OrderedJson servers = OrderedJson::array();
+  for (const ListedServer& server : list.servers) servers.push_back(report_of(server));
+  const OrderedJson json = {{"shared", true},
+                            {"waiting", list.waiting},
+                            {"age_s", number_or_null(list.age_s)},
+                            {"error", list.error ? list.error->bound : ""},
+                            {"servers", std::move(servers)}};
+  return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
 }
 
 void add_fleet_routes(Router& router, const ServiceParts& parts) {

@@ -10,7 +10,7 @@
 namespace marble::server {
 namespace {
 
-constexpr std::int64_t kMostRows = std::int64_t{1} << 40;  // of a stored message
+constexpr std::int64_t kMostStored = std::int64_t{1} << 40;  // of a stored message
 
 // Converts a number of a message's enumeration, which counts from `first`, to one that counts from 0; its
 // first value if unknown.
@@ -177,12 +177,12 @@ JobSnapshot snapshot_of(const v1::GetJobResponse& message) {
   auto why = std::make_shared<Infeasibility>();
   if (stored.has_conflict()) {
     why->conflict = marble::conflict_of(stored.conflict());
-    why->more_parts = std::clamp<std::int64_t>(stored.more_parts(), 0, kMostRows) + shorten(*why->conflict);
+    why->more_parts = std::clamp<std::int64_t>(stored.more_parts(), 0, kMostStored) + shorten(*why->conflict);
   }
   const int rows =
       std::min({stored.rows_size(), stored.multipliers_size(), static_cast<int>(Infeasibility::kMostRows)});
   for (int i = 0; i < rows; ++i) why->rows.push_back({stored.rows(i), stored.multipliers(i)});
-  why->more_rows = std::clamp<std::int64_t>(stored.more_rows(), 0, kMostRows);
+  why->more_rows = std::clamp<std::int64_t>(stored.more_rows(), 0, kMostStored);
   now.infeasibility = std::move(why);
   return now;
 }
