@@ -190,6 +190,27 @@ def own_schemas(table):
                 "clients": {"type": "array", "items": ref("ClientShare"), "description": "At most 64 clients, those with the largest use first."},
                 "others": {**ref("ClientShare"), "description": "The sum of all others."}},
             "description": "The clients' use of the workers, now and in the last minutes."},
+        "ListedServer": {
+            "type": "object", "required": ["name", "address", "page", "state", *SERVER],
+            "description": "A server's newest report.",
+            "properties": {
+                "name": {"type": "string", "description": "HOST:PORT."},
+                "address": {"type": "string", "description": "Of its gRPC port."},
+                "page": {"type": "string", "description": "URL of its HTTP port; empty if it has none."},
+                "version": {"type": "string", "description": "Its version."},
+                "state": {"type": "string", "enum": ["serving", "draining", "lost"],
+                          "description": "lost: it has not reported itself for longer than the setting state_lease_s. It is listed for a day."},
+                "this": {"type": "boolean", "description": "Whether it is the server that was asked."},
+                **{name: {"type": ["number", "null"], "description": doc} for name, doc in SERVER.items()}}},
+        "Servers": {
+            "type": "object", "required": ["shared"],
+            "properties": {
+                "shared": {"type": "boolean", "description": "Whether there is a shared store; without one, the other fields are absent."},
+                "waiting": {"type": "integer", "description": "Submitted jobs that no server has taken yet."},
+                "age_s": {"type": "number", "description": "Seconds since the list was read from the store."},
+                "error": {"type": "string", "description": "Why it could not be read again; else empty."},
+                "servers": {"type": "array", "items": ref("ListedServer"), "description": "At most 1000 servers, by name."}},
+            "description": "The servers that share a store."},
         "JobResult": {"type": "object", "required": ["job_id"],
                       "properties": {"job_id": {"type": "string", "description": "The job."},
                                      "solution": ref("Solution"), "error": ref("ErrorDetail")},
@@ -205,6 +226,19 @@ HISTORY = {
     "cpu_s": "Processor time of the server since its start, in seconds.",
     "p50_s": "Median time from acceptance to result, over the results of the last ten seconds; null if there were none.",
     "p99_s": "The 99 % quantile of these times.",
+}
+
+SERVER = {
+    "seen_s": "Seconds since this report.",
+    "uptime_s": "Seconds since it started.",
+    "workers": "Its workers.",
+    "running": "Workers that run a job.",
+    "queued": "Jobs and updates of sessions that wait there.",
+    "sessions": "Open sessions.",
+    "answered_last_minute": "Jobs and updates of sessions answered in the last minute.",
+    "solved_last_minute": "Those of them whose solution is solved.",
+    "p50_last_minute_s": "Median time from acceptance to result in the last minute; null if there were no results.",
+    "p99_last_minute_s": "The 99 % quantile of these times.",
 }
 
 REFUSALS = {
@@ -306,8 +340,8 @@ def paths(schemas):
                              "header", True)])},
         "/api/events": {"get": operation(
             "watchAll", ("Watches all jobs and the server", f"{stream}`hello` (a GetInfoResponse without options), `server` "
-                         "(Counters and more), `clients` (Clients), `jobs` (a WatchJobsResponse) and `reload` (list the "
-                         "jobs again)."),
+                         "(Counters and more), `clients` (Clients), `servers` (Servers, with a shared store), `jobs` (a "
+                         "WatchJobsResponse) and `reload` (list the jobs again)."),
             {"200": answer("Events.", text, "text/event-stream")}, "401 403 429")},
         "/api/info": {"get": operation(
             "getInfo", ("Returns information about the server", "Version, limits, options with their ranges, counters, and the caller's name and roles."),
@@ -320,6 +354,10 @@ def paths(schemas):
             "getClients", ("Returns the use of the workers", "By client, now and in the last five minutes. With the role observe or "
                            "admin for all clients, else for the caller only."),
             {"200": answer("By client.", ref("Clients"))}, "400 401 403", tag="server")},
+        "/api/servers": {"get": operation(
+            "getServers", ("Returns the servers that share a store", "As they reported themselves to it, every two seconds. Requires "
+                           "the role observe or admin."),
+            {"200": answer("The servers.", ref("Servers"))}, "400 401 403", tag="server")},
         "/api/openapi.json": {"get": operation(
             "getDescription", ("Returns this description", "The same for all callers."),
             {"200": answer("OpenAPI 3.1.", {"type": "object"})}, "", **open_to_all)},

@@ -13,6 +13,7 @@
 #include "calls/jobs_service.h"
 #include "calls/solver_service.h"
 #include "config/config.h"
+#include "fleet/fleet_roster.h"
 #include "fleet/fleet_submissions.h"
 #include "http/http_server.h"
 #include "log/library_log.h"
@@ -213,6 +214,9 @@ int main(int argc, char** argv) {
     return kBadConfiguration;
   }
   parts.submissions = submissions->get();
+  std::unique_ptr<FleetRoster> roster;
+  if (!config->state.empty()) roster = std::make_unique<FleetRoster>(parts);
+  parts.roster = roster.get();
   SolverService solver_service(parts);
   JobsService jobs_service(parts);
   InfoService info_service(parts);
@@ -251,6 +255,7 @@ int main(int argc, char** argv) {
               {"queue_jobs", std::int64_t{scheduler.limits().jobs}}});
   }
 
+  if (roster != nullptr) roster->start(listening->addresses.front(), http == nullptr ? "" : http->address());
   supervisor.ready();
 
   Reloader reloader(*command_line, *config, access, log);
@@ -276,6 +281,7 @@ int main(int argc, char** argv) {
   parts.submissions->close();
   hang_up(*listening, connections, calls);
   http.reset();
+  roster.reset();
   log.report_all_suppressed();
   const Counters counters = scheduler.counters();
   log.info(Component::server, "stopped",

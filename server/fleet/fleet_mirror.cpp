@@ -345,7 +345,7 @@ Expected<void> FleetMirror::read_whole(const std::string& id) {
   v1::GetJobResponse job;
   const std::string_view bytes = rows->bytes(0, 0);
   if (!job.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return {};
-  JobSnapshot snapshot = snapshot_of(job.job());
+  JobSnapshot snapshot = snapshot_of(job);
   snapshot.server = record->snapshot().server;
   owner_.unless_here(id, [&] {
     found->second.is_whole = snapshot.state == JobState::finished;

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "http/fleet_routes.h"
 #include "http/reply.h"
 #include "jobs/recent_json.h"
 #include "service/job_access.h"
@@ -15,7 +16,7 @@ namespace {
 constexpr std::size_t kKeptFrames = 32;  // how far a viewer may fall behind
 constexpr int kTicksOfAll = 2;           // between updates of all jobs
 constexpr int kTicksOfServer = 4;        // between updates of the server
-constexpr int kTicksOfClients = 16;      // and of the clients' use of its workers
+constexpr int kTicksOfClients = 16;      // and of the clients' use of its workers, and of other servers
 
 /// The properties that decide which jobs a caller sees, and nothing else: callers with equal ones share a
 /// topic.
@@ -156,6 +157,9 @@ void EventHub::run() {
       }
       if (all && (topic->starts || tick_ % kTicksOfClients == 0))
         frames.push_back(frame_of("clients", clients_for(parts_, topic->viewer)));
+      if (all && sees_all(topic->viewer) && parts_.roster != nullptr &&
+          (topic->starts || tick_ % kTicksOfClients == 0))
+        frames.push_back(frame_of("servers", servers_json(parts_)));
       if (!all || topic->starts || tick_ % kTicksOfAll == 0) look_at_jobs(*topic, frames, over);
       report(*topic, std::move(frames), over);
     }

@@ -6,6 +6,7 @@
 #include "http/browser_guard.h"
 #include "http/endpoint.h"
 #include "http/event_routes.h"
+#include "http/fleet_routes.h"
 #include "http/health_routes.h"
 #include "http/job_routes.h"
 #include "http/metrics_route.h"
@@ -97,6 +98,7 @@ HttpServer::HttpServer(const ServiceParts& parts, const std::string& address,
   http::add_job_routes(*router_, parts, *semaphore_);
   http::add_submission_routes(*router_, parts, *semaphore_);
   http::add_event_routes(*router_, parts, *events_);
+  http::add_fleet_routes(*router_, parts);
   http::add_metrics_route(*router_, parts);
   http::add_page_routes(*router_);
   http::add_recent_routes(*router_, parts, http::begin_history(parts));

@@ -84,7 +84,14 @@ void JobRecord::take_tree(const Reported& reported) {
   snapshot_.open_nodes = reported.open_nodes;
 }
 
-void JobRecord::take(const Solution& solution) {
+JobRecord::Why JobRecord::why_of(const Expected<Solution>& solution) const {
+  if (!solution) return nullptr;
+  const auto count = [](Index number) { return static_cast<std::size_t>(number); };
+  const JobDescription& of = description_;
+  return infeasibility_of(*solution, count(of.equalities) + count(of.inequalities) + 2 * count(of.pairs));
+}
+
+void JobRecord::take(const Solution& solution, Why why) {
   snapshot_.status = solution.status;
   snapshot_.detail = solution.detail;
   snapshot_.error.reset();
@@ -97,13 +104,15 @@ void JobRecord::take(const Solution& solution) {
   if (solution.nodes == 0 || std::isfinite(solution.gap) || is_solved(solution.status))
     snapshot_.incumbent = solution.nodes == 0 ? Progress{}.incumbent : solution.objective;
   snapshot_.proved = solution.proved;
+  snapshot_.infeasibility = std::move(why);
   snapshot_.times = solution.times;
 }
 
 void JobRecord::answered(const Expected<Solution>& solution, double total_s) {
+  Why why = why_of(solution);
   const MutexLock lock(mutex_);
   if (solution) {
-    take(*solution);
+    take(*solution, std::move(why));
   } else {
     snapshot_.error = solution.error();
   }
@@ -130,9 +139,10 @@ void JobRecord::end() {
 }
 
 void JobRecord::finished(const Expected<Solution>& solution, double queue_s, double total_s) {
+  Why why = why_of(solution);
   const MutexLock lock(mutex_);
   if (solution) {
-    take(*solution);
+    take(*solution, std::move(why));
   } else {
     snapshot_.error = solution.error();
   }

@@ -13,6 +13,7 @@
 
 #include "base/priority.h"
 #include "base/trace_context.h"
+#include "jobs/infeasibility.h"
 #include "jobs/pair_history.h"
 #include "jobs/progress_history.h"
 #include "marble/composite/scenarios.h"
@@ -73,10 +74,11 @@ struct JobSnapshot {
   double queue_s = 0.0, total_s = 0.0;
   std::int64_t updates = 0;
   std::int64_t memory_bytes = 0, result_bytes = 0;
-  std::vector<ScenarioLevel> levels = {};  ///< levels of a scenario solve, without x
-  std::string detail = {};                 ///< the numbers that justify the status
-  std::optional<ArrayCounts> array = {};   ///< set only for an array
-  std::string server = {};                 ///< if several share a store: which runs it, or ran it last
+  std::vector<ScenarioLevel> levels = {};                   ///< levels of a scenario solve, without x
+  std::string detail = {};                                  ///< the numbers that justify the status
+  std::shared_ptr<const Infeasibility> infeasibility = {};  ///< null unless the status is infeasible
+  std::optional<ArrayCounts> array = {};                    ///< set only for an array
+  std::string server = {};  ///< if several share a store: which runs it, or ran it last
   std::optional<std::chrono::system_clock::time_point> finished = {};  ///< when it finished, if it has
   std::int64_t version = 0;  ///< grows with every change except progress
 };
@@ -156,7 +158,9 @@ class JobRecord final : public ProgressSink {
   void cancel() ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
-  void take(const Solution& solution) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  using Why = std::shared_ptr<const Infeasibility>;
+  [[nodiscard]] Why why_of(const Expected<Solution>& solution) const;
+  void take(const Solution& solution, Why why) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   template <class Reported>
   void take_tree(const Reported& reported) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void end() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

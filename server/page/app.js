@@ -11,6 +11,7 @@ import { History, toCounters } from "./data/history.js";
 import { JobTable } from "./jobs/job_table.js";
 import { JobView } from "./jobs/job_view.js";
 import { Overview } from "./overview.js";
+import { Servers } from "./servers.js";
 import { MAX_JOBS, Store } from "./data/store.js";
 
 const PAGE_OF_JOBS = 1000;
@@ -38,6 +39,7 @@ class App {
       (id) => (location.hash = `#/jobs/${id}`),
     );
     this.clients = new ClientTable(byId("clients-table"), (client) => this.#showJobsOf(client));
+    this.servers = new Servers();
     this.showNow = onceAFrame(() => this.#showNow());
     addEventListener("hashchange", () => this.#route());
     addEventListener("keydown", (event) => this.#key(event));
@@ -65,6 +67,7 @@ class App {
     if (name === "jobs") for (const { job, rows } of data.events ?? []) this.#store.put(job, rows);
     if (name === "jobs") this.table.update();
     if (name === "clients") this.clients.show(data, Number(this.#info?.workers ?? 0), this.#uptime_s);
+    if (name === "servers") this.servers.show(data);
     if (name === "reload") this.#list();
   }
 
@@ -140,7 +143,7 @@ class App {
   #route() {
     const path = location.hash.replace(/^#/, "");
     const [id, other] = /^\/jobs\/([^/]+)(?:\/with\/([^/]+))?$/.exec(path)?.slice(1) ?? [];
-    const lists = ["", "/", "/clients"].includes(path);
+    const lists = ["", "/", "/clients", "/servers"].includes(path);
     const had = this.#view !== null;
     this.#view?.close();
     this.#view = null;
@@ -148,7 +151,7 @@ class App {
     byId("job").hidden = id === undefined;
     byId("job").replaceChildren();
     byId("nowhere").hidden = lists || id !== undefined;
-    if (lists) this.#showList(path === "/clients");
+    if (lists) this.#showList(path.slice(1) || "jobs");
     if (lists && had) this.table.focus();
     if (!lists && id === undefined) this.#showNowhere(path);
     if (id === undefined) return;
@@ -159,14 +162,15 @@ class App {
     scrollTo(0, 0);
   }
 
-  #showList(clients) {
-    for (const [tab, on] of [["tab-jobs", !clients], ["tab-clients", clients]]) {
-      if (on) byId(tab).setAttribute("aria-current", "page");
-      else byId(tab).removeAttribute("aria-current");
+  #showList(list) {
+    const views = { jobs: "jobs-table", clients: "clients-table", servers: "servers-view" };
+    for (const [name, view] of Object.entries(views)) {
+      byId(view).hidden = name !== list;
+      if (name === list) byId(`tab-${name}`).setAttribute("aria-current", "page");
+      else byId(`tab-${name}`).removeAttribute("aria-current");
     }
-    byId("jobs-table").hidden = clients;
-    for (const part of ["filter-label", "chips", "job-count"]) byId(part).hidden = clients;
-    byId("clients-table").hidden = !clients;
+    for (const part of ["filter-label", "chips", "job-count"]) byId(part).hidden = list !== "jobs";
+    byId("now").hidden = list === "servers"; // it is about this server alone
   }
   #showJobsOf(client) {
     location.hash = "#/";
@@ -175,7 +179,7 @@ class App {
   #showNowhere(path) {
     byId("nowhere").replaceChildren(
       make("h2", {}, "Page not found"),
-      make("p", {}, `There is no view "${path}". The views are #/ (all jobs), #/clients, and #/jobs/ID (one job).`),
+      make("p", {}, `There is no view "${path}". The views are #/ (all jobs), #/clients, #/servers, and #/jobs/ID (one job).`),
       make("p", {}, make("a", { href: "#/" }, "All jobs")),
     );
   }

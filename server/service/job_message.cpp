@@ -10,12 +10,24 @@
 namespace marble::server {
 namespace {
 
+constexpr std::int64_t kMostStored = std::int64_t{1} << 40;  // of a stored message
+
 // Converts a number of a message's enumeration, which counts from `first`, to one that counts from 0; its
 // first value if unknown.
 template <class Enum>
 Enum enum_of(int number, int first, Enum last) {
   const std::int64_t at = std::int64_t{number} - first;
   return at >= 0 && at <= static_cast<int>(last) ? static_cast<Enum>(at) : Enum{};
+}
+
+void to_message(const Infeasibility& why, v1::Infeasibility* message) {
+  if (why.conflict) marble::to_message(*why.conflict, message->mutable_conflict());
+  message->set_more_parts(why.more_parts);
+  for (const auto& [row, multiplier] : why.rows) {
+    message->add_rows(row);
+    message->add_multipliers(multiplier);
+  }
+  message->set_more_rows(why.more_rows);
 }
 
 }  // namespace
@@ -102,6 +114,7 @@ void to_message(const JobRecord& record, v1::GetJobResponse* message) {
   to_message(record, message->mutable_job());
   marble::to_message(record.options(), message->mutable_options());
   to_message(record.trace(), message->mutable_trace());
+  if (const auto why = record.snapshot().infeasibility) to_message(*why, message->mutable_infeasibility());
 }
 
 JobDescription description_of(const v1::JobInfo& message) {
@@ -153,6 +166,24 @@ JobSnapshot snapshot_of(const v1::JobInfo& message) {
                  array.failed(),   message.iterations(), message.factorizations()};
   }
   if (message.finished_unix_s() > 0.0) now.finished = time_of(message.finished_unix_s());
+  return now;
+}
+
+// A stored message may contain anything.
+JobSnapshot snapshot_of(const v1::GetJobResponse& message) {
+  JobSnapshot now = snapshot_of(message.job());
+  if (!message.has_infeasibility()) return now;
+  const v1::Infeasibility& stored = message.infeasibility();
+  auto why = std::make_shared<Infeasibility>();
+  if (stored.has_conflict()) {
+    why->conflict = marble::conflict_of(stored.conflict());
+    why->more_parts = std::clamp<std::int64_t>(stored.more_parts(), 0, kMostStored) + shorten(*why->conflict);
+  }
+  const int rows =
+      std::min({stored.rows_size(), stored.multipliers_size(), static_cast<int>(Infeasibility::kMostRows)});
+  for (int i = 0; i < rows; ++i) why->rows.push_back({stored.rows(i), stored.multipliers(i)});
+  why->more_rows = std::clamp<std::int64_t>(stored.more_rows(), 0, kMostStored);
+  now.infeasibility = std::move(why);
   return now;
 }
 

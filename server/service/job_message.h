@@ -16,6 +16,7 @@ void to_message(const JobRecord& record, v1::GetJobResponse* message);
 /// Reconstruct a finished job from its message.
 [[nodiscard]] JobDescription description_of(const v1::JobInfo& message);
 [[nodiscard]] JobSnapshot snapshot_of(const v1::JobInfo& message);
+[[nodiscard]] JobSnapshot snapshot_of(const v1::GetJobResponse& message);
 [[nodiscard]] JobRecord::Trace trace_of(const v1::Trace& message);
 
 }  // namespace marble::server

@@ -18,6 +18,7 @@
 
 namespace marble::server {
 
+class ServerRoster;
 class Submissions;
 
 struct ServiceParts {
@@ -33,7 +34,8 @@ struct ServiceParts {
   SessionTable& sessions;
   ConnectionTable& connections;
   LiveCalls& calls;
-  Submissions* submissions = nullptr;  ///< set before the first call
+  Submissions* submissions = nullptr;    ///< set before the first call
+  const ServerRoster* roster = nullptr;  ///< of a shared store; null without one
   /// Limits the bundles that are being made or sent.
   std::shared_ptr<ClientLimit> bundles = std::make_shared<ClientLimit>("bundles", config.bundles);
   Clock::time_point started = Clock::now();

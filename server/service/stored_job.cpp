@@ -59,7 +59,7 @@ JobBoard::Record stored_record(const JobBoard& board, const StoredResult& stored
   what.kind = stored.elements ? JobKind::array : JobKind::submitted;
   what.client = stored.client;
   auto record = board.make(std::move(what), options_of(message.options()).value_or(Options()));
-  JobSnapshot snapshot = whole ? snapshot_of(message.job()) : stored_snapshot("");
+  JobSnapshot snapshot = whole ? snapshot_of(message) : stored_snapshot("");
   snapshot.state = JobState::finished;
   record->restore(std::move(snapshot), trace_of(message.trace()));
   return record;

@@ -1,4 +1,6 @@
 // The commands about jobs: submit, result, jobs, job, watch, cancel, delete; as text and as JSON.
+#include <regex>
+
 #include "cli_test.h"
 #include "long_options.h"
 
@@ -53,6 +55,41 @@ TEST_F(JobCommands, SubmitAndResultSpeakJson) {
   EXPECT_EQ(answer["z"].size(), 2U);
   EXPECT_FALSE(answer.contains("file"));
   EXPECT_EQ(marble("job --output json " + id).lines().at(0)["priority"], "batch");
+}
+
+TEST_F(Cli, SubmitWaitsForAFullServerAndReportsItOnce) {
+  const ServerProcess server(MARBLE_SERVER_BINARY, {"--workers", "1", "--client-queued", "1"});
+  const auto marble = [&](const std::string& arguments) {
+    return start(arguments + " --client-name lab --server " + server.address());
+  };
+  const std::string path = file("long.pb", long_request().problem().SerializeAsString());
+  const std::string good = quoted(file("good.json", kGood));
+  const std::string id = marble("submit" + long_options() + " " + quoted(path)).wait().out;
+  const std::string blocker = id.substr(0, id.find('\n'));
+  ASSERT_TRUE(
+      eventually([&] { return !marble("jobs --output json --state running").wait().lines().empty(); }));
+  const Run submit = marble("submit --queue-wait 300 " + good + " " + good + " " + good);
+  ASSERT_TRUE(eventually([&] { return !read_file(submit.err).empty(); }));
+  EXPECT_EQ(marble("cancel " + blocker).wait().exit_code, 0);
+  const Result submitted = submit.wait();
+  EXPECT_EQ(submitted.exit_code, 0) << submitted.err;
+  EXPECT_EQ(std::count(submitted.out.begin(), submitted.out.end(), '\n'), 3) << submitted.out;
+  EXPECT_EQ(std::count(submitted.err.begin(), submitted.err.end(), '\n'), 1) << submitted.err;
+  EXPECT_NE(submitted.err.find("waits for the server: client_queued"), std::string::npos) << submitted.err;
+}
+
+TEST_F(Cli, SubmitWithoutAWaitIsRefused) {
+  const ServerProcess server(MARBLE_SERVER_BINARY, {"--workers", "1", "--client-queued", "1"});
+  const std::string name = " --client-name lab --server " + server.address();
+  const std::string path = quoted(file("long.pb", long_request().problem().SerializeAsString()));
+  const std::string submit = "submit --queue-wait 0 --output json" + long_options() + " ";
+  ASSERT_EQ(run(submit + path + name).exit_code, 0);
+  ASSERT_TRUE(eventually([&] { return !run("jobs --output json --state running" + name).lines().empty(); }));
+  const Result two = run(submit + path + " " + path + name);
+  EXPECT_EQ(two.exit_code, 3);
+  EXPECT_EQ(two.lines().at(1)["error"]["field"], "client_queued");
+  EXPECT_EQ(two.err.find("waits"), std::string::npos) << two.err;
+  EXPECT_EQ(run("submit --queue-wait -1 " + path + name).exit_code, 2);
 }
 
 TEST_F(JobCommands, AFolderIsSubmittedAsOneArray) {
@@ -153,6 +190,35 @@ TEST_F(JobCommands, JobsListsThemNewestFirst) {
   EXPECT_EQ(marble("jobs --output json --before " + waiting).lines().at(0)["job_id"], running);
   EXPECT_EQ(marble("jobs --output json --client nobody").out, "");
   EXPECT_EQ(marble("jobs --state asleep").exit_code, 2);
+}
+
+TEST_F(JobCommands, JobsShowsWhatRunningJobsAreDoing) {
+  const std::string running = submit_long();
+  const std::string waiting = submit(good());
+  const auto row_of = [](const std::string& table, const std::string& id) {
+    const std::size_t at = table.find(id);
+    return table.substr(at, table.find('\n', at) - at);
+  };
+  std::string activity;
+  ASSERT_TRUE(eventually([&] {
+    const Json job = marble("jobs --output json --state running").lines().at(0);
+    activity = job.value("activity", "");
+    return activity.rfind("path", 0) == 0;
+  }));
+  const std::string table = marble("jobs").out;
+  EXPECT_NE(first_line(table).find("activity"), std::string::npos) << table;
+  EXPECT_NE(row_of(table, running).find("  path"), std::string::npos) << table;
+  EXPECT_EQ(row_of(table, waiting).back(), '-') << table;
+  EXPECT_FALSE(marble("jobs --output json --state queued").lines().at(0).contains("activity"));
+}
+
+TEST_F(JobCommands, JobsShowsHowFarASearchIs) {
+  const std::string problem = file("hopper.json", run("example hopper").out);
+  const std::string id = submit("--option num_starts=1000 " + quoted(problem));
+  const std::regex expected("further starts: [0-9]+ of [0-9]+, best [-0-9.e]+");
+  EXPECT_TRUE(eventually([&] { return std::regex_search(marble("jobs --state running").out, expected); }))
+      << marble("jobs").out;
+  EXPECT_EQ(marble("cancel " + id).exit_code, 0);
 }
 
 TEST_F(JobCommands, NamesOfOthersCannotDriveTheTerminal) {

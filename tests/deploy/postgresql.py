@@ -6,11 +6,11 @@ import signal
 import socket
 import subprocess
 import tempfile
+import time
 from pathlib import Path
 
-from fleet import eventually
-
 PROGRAMS = Path("/usr/lib/postgresql/15/bin")
+PATIENCE_S = 120
 
 
 class PostgreSQL:
@@ -36,9 +36,14 @@ class PostgreSQL:
                 [PROGRAMS / "postgres", "-D", self.data, "-h", "127.0.0.1", "-p", str(self.port), "-k", "", "-c", "fsync=off"],
                 stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL, **self.user)
             ready = [PROGRAMS / "pg_isready", "-q", "-h", "127.0.0.1", "-p", str(self.port)]
-            eventually(lambda: self.process.poll() is not None or subprocess.run(ready).returncode == 0, "an answer of PostgreSQL")
+            while self.process.poll() is None and subprocess.run(ready).returncode != 0:
+                assert time.monotonic() < end, "PostgreSQL does not answer"
+                time.sleep(0.02)
             return self.process.poll() is None
-        eventually(up, "a start of PostgreSQL")
+        end = time.monotonic() + PATIENCE_S
+        while not up():
+            assert time.monotonic() < end, "PostgreSQL does not start"
+            time.sleep(0.02)
 
     def kill(self, how=signal.SIGKILL):
         """SIGQUIT is pg_ctl stop -m immediate."""

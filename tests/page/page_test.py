@@ -20,7 +20,10 @@ from pathlib import Path
 
 from selenium.webdriver.common.keys import Keys
 
+sys.path.append(str(Path(__file__).resolve().parents[1] / "deploy"))
+
 from browser import Browser
+from postgresql import PROGRAMS, PostgreSQL
 from server import Server, eventually, free_port
 
 BINARIES, SCREENSHOTS, AXE = sys.argv[1], Path(sys.argv[2]), sys.argv[3]
@@ -176,6 +179,92 @@ class Page(unittest.TestCase):
         self.assertRegex(self.browser.rows()[0]["status"], r"queued · 1st$")
         self.assertEqual(self.browser.complaints(), [])
 
+    def fleet(self, count, *flags):
+        """Servers that share a store, each seen by the first one; and the store."""
+        database = PostgreSQL()
+        self.addCleanup(database.close)
+        servers = [self.start("--state", database.uri, "--state-lease-s", "3", *flags) for _ in range(count)]
+        eventually(lambda: len(json.loads(fetch(servers[0].http + "/api/servers"))["servers"]) == count, "all servers")
+        return database, servers
+
+    def servers_shown(self):
+        """Cells of the servers' table after the first one, by name."""
+        return {name: cells for name, _, *cells in self.browser.run("""
+            return [...document.querySelectorAll('.servers tbody tr')].map((row) => [row.dataset.name, ...[...row.children].map((cell) => cell.textContent)])""")}
+
+    @unittest.skipUnless(PROGRAMS.exists(), "PostgreSQL is not installed")
+    def test_the_servers_of_a_fleet_are_on_one_page(self):
+        database, (first, second, third) = self.fleet(3, "--workers", "2")
+        name = lambda server: f"{os.uname().nodename}:{server.address.rsplit(':', 1)[1]}"
+        third.run("solve", "--quiet", third.tiny())
+        for _ in range(2):
+            second.begin("solve", "--quiet", second.chain(1000), *Server.ENDLESS)
+        self.open(first)
+        self.browser.wait("return !document.querySelector('#tab-servers').hidden")
+        self.browser.find("#tab-servers").click()
+        eventually(lambda: self.servers_shown().get(name(second), [""] * 3)[2] == "2 of 2", self.servers_shown)
+        eventually(lambda: self.servers_shown()[name(third)][5] == "1", self.servers_shown)
+        self.assertEqual(self.servers_shown()[name(first)][2], "0 of 2")
+        self.assertRegex(self.servers_shown()[name(third)][6], r"s$")
+        for place, text in (("servers", "3"), ("busy", "2"), ("workers", "6"), ("states", "none lost")):
+            self.browser.wait_text(f"#all-{place}", text)
+        self.browser.wait_text("#all-slowest", name(third))
+        self.assertFalse(self.browser.find("#now").is_displayed())
+        self.assertEqual([link.get_attribute("href").rstrip("/") for link in self.browser.all(".servers a")][:3].count(second.http), 1)
+        second.process.kill()
+        second.process.wait()
+        eventually(lambda: re.match(r"✕lost since .*\d", self.servers_shown()[name(second)][0]), self.servers_shown)
+        self.assertEqual(self.servers_shown()[name(second)][2], "–")
+        for place, text in (("servers", "2"), ("busy", "0"), ("workers", "4"), ("states", "1 lost")):
+            self.browser.wait_text(f"#all-{place}", text)
+        self.assertEqual(self.browser.run("return [...document.querySelectorAll('.servers .lost a')].length"), 0, "its page is gone too")
+        database.kill()
+        self.browser.wait_text("#servers-table .note", "The store cannot be read")
+        database.start()
+        self.browser.wait_text("#servers-table .note", "Each server reports itself")
+        self.browser.wait("return [...document.querySelectorAll('.servers a')].some((link) => link.href.startsWith(arguments[0]) && (link.click(), true))", third.http)
+        self.browser.wait_text("#host", third.http.split("//")[1])
+        self.browser.wait_text("#job-count", "1 job")
+        self.assertEqual(self.browser.complaints(), [])
+
+    @unittest.skipUnless(PROGRAMS.exists(), "PostgreSQL is not installed")
+    def test_reports_of_others_cannot_change_the_page(self):
+        database, (server,) = self.fleet(1)
+        database.ask("INSERT INTO marble_servers VALUES ('x', '<b>bold</b>', E'\\u202eevil', 'javascript:alert(1)', 'v', 'serving', now(), now(), 1, 9, 0, 0, 0, 0, 'NaN', 'NaN')")
+        self.open(server, "/#/servers")
+        eventually(lambda: "<b>bold</b>" in self.servers_shown(), self.servers_shown)
+        self.assertEqual(self.servers_shown()["<b>bold</b>"][2], "9 of 1")
+        self.browser.wait_text("#servers-table", "<b>bold</b>?evil")
+        self.assertEqual([link.get_attribute("href") for link in self.browser.all(".servers a")], [f"{server.http}/#/"])
+        self.assertEqual(self.browser.complaints(), [])
+
+    @unittest.skipUnless(PROGRAMS.exists(), "PostgreSQL is not installed")
+    def test_the_table_of_servers_fits_small_and_large_screens(self):
+        database, servers = self.fleet(3, "--workers", "2")
+        for server in servers:
+            server.run("solve", "--quiet", server.tiny())
+        servers[1].begin("solve", "--quiet", servers[1].chain(1000), *Server.ENDLESS)
+        servers[2].process.kill()
+        servers[2].process.wait()
+        for scheme in ("light", "dark"):
+            self.browser.scheme(scheme)
+            for width, height in ((390, 844), (1440, 900), (3840, 2160)):
+                self.browser.size(width, height)
+                self.open(servers[0], "/#/servers")
+                self.browser.wait_text("#all-states", "1 lost")
+                wide = self.browser.run("return document.documentElement.scrollWidth")
+                self.assertLessEqual(wide, width, "scrolls sideways")
+                inside = self.browser.run("const table = document.querySelector('#servers-table'); return table.scrollWidth <= table.clientWidth")
+                self.browser.screenshot(SCREENSHOTS / f"servers-{scheme}-{width}.png")
+                self.assertTrue(inside, f"the table scrolls sideways at {width}")
+
+    def test_a_server_without_a_fleet_has_no_list_of_servers(self):
+        self.open(self.start())
+        self.live()
+        self.count_of_jobs(0)
+        self.assertFalse(self.browser.find("#tab-servers").is_displayed())
+        self.assertEqual(json.loads(fetch(self.servers[0].http + "/api/servers")), {"shared": False})
+
     def test_unknown_views_and_jobs_are_reported(self):
         server = self.start()
         self.open(server, "/#/job/12")
@@ -231,17 +320,42 @@ class Page(unittest.TestCase):
         self.assertNotIn("multiplier", self.browser.find("#conflict").text)
         self.assertEqual(self.browser.complaints(), [])
 
+    def test_an_infeasible_solve_shows_why_although_its_result_is_not_kept(self):
+        server = self.start()
+        path = server.folder / "bounds.json"
+        path.write_text(json.dumps({"name": "bounds", "n": 1, "g": [1], "C": {"rows": 3, "cols": 1, "i": [0, 1, 2], "j": [0, 0, 0], "v": [1, -1, 1]},
+                                    "d": [-2, 1, 5]}))
+        server.run("solve", "--quiet", path, check=False)
+        server.run("solve", "--quiet", "--option", "explain=true", path, check=False)
+        explained, unexplained = (job["job_id"] for job in server.jobs())
+        self.open(server, f"/#/jobs/{unexplained}")
+        for text in ("inequality 0", "inequality 1", "multiplier", "With option explain=true"):
+            self.browser.wait_text("#conflict", text)
+        self.assertFalse(self.browser.find("#answer").is_displayed())
+        self.open(server, f"/#/jobs/{explained}")
+        for text in ("inequality 0C z + d ≥ 0", "inequality 1C z + d ≥ 0", "Minimal: without any one of them"):
+            self.browser.wait_text("#conflict", text)
+        for job in (explained, unexplained):
+            self.open(server, f"/#/jobs/{job}")
+            self.browser.wait_text("#conflict", "inequality 1")
+            self.assertNotIn("inequality 2", self.browser.text("#conflict"))
+        server.run("solve", "--quiet", server.tiny())
+        self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
+        self.browser.wait_text("#job-status", "solved")
+        self.assertFalse(self.browser.find("#conflict").is_displayed())
+        self.assertEqual(self.browser.complaints(), [])
+
     def test_an_incomplete_conflict_is_not_minimal_and_a_long_one_is_shortened(self):
         self.open(self.start())
-        conflict = {"inequalities": list(range(102)), "right_sides": [7], "minimal": False, "detail": "time_limit_s came first"}
+        conflict = {"inequalities": list(range(99)), "right_sides": [7], "minimal": False, "detail": "time_limit_s came first"}
         rows, notes = self.browser.run("""
           return Promise.all([import("/assets/jobs/findings.js"), import("/assets/jobs/job_tables.js")]).then(([findings, tables]) => {
             const place = document.createElement("div");
             tables.showConflict(place, findings.conflictingParts(arguments[0]));
             return ["tbody tr", ".note"].map((kind) => [...place.querySelectorAll(kind)].map((line) => line.textContent));
-          });""", conflict)
+          });""", {"conflict": conflict, "more_parts": "3"})
         self.assertEqual((len(rows), rows[0]), (100, "inequality 0C z + d ≥ 0"))
-        self.assertEqual(notes[1:], ["and 3 more; the result as JSON has all of them.",
+        self.assertEqual(notes[1:], ["and 3 more; the solution has all of them.",
                                      "Not minimal: fewer of them may conflict.", "time_limit_s came first"])
 
     def test_a_job_shows_the_kind_of_its_solution_and_what_to_try(self):
@@ -644,17 +758,22 @@ class Page(unittest.TestCase):
 
     @unittest.skipIf(AXE == "-", "axe-core is not available: it comes from npm")
     def test_axe_finds_no_serious_fault(self):
-        server = self.start("--solve-bytes", "40000000")
+        if PROGRAMS.exists():
+            server = self.fleet(2, "--solve-bytes", "40000000")[1][0]
+        else:
+            server = self.start("--solve-bytes", "40000000")
         self.work(server)
         running = server.submit(server.chain(1000), *Server.ENDLESS)
         jobs = [server.jobs()[1]["job_id"], running, next(job["job_id"] for job in server.jobs() if "error" in job)]
         for scheme in ("light", "dark"):
             self.browser.scheme(scheme)
-            for path in ("/", "/#/clients", "/#/nothing", f"/#/jobs/{jobs[0]}/with/{jobs[1]}", *(f"/#/jobs/{job}" for job in jobs)):
+            for path in ("/", "/#/clients", "/#/servers", "/#/nothing", f"/#/jobs/{jobs[0]}/with/{jobs[1]}", *(f"/#/jobs/{job}" for job in jobs)):
                 self.open(server, path)
                 self.live()
                 if path == "/#/clients":
                     self.browser.wait("return document.querySelectorAll('.clients tbody tr').length > 0")
+                elif path == "/#/servers":
+                    self.browser.wait("return document.querySelectorAll('.servers tbody tr').length > 1 || arguments[0]", not PROGRAMS.exists())
                 elif path == "/#/nothing":
                     self.browser.wait_text("#nowhere", "Page not found")
                 elif "/with/" in path:

@@ -36,7 +36,9 @@ class BatchRun {
     const auto done = client.solve_batch(
         [this] { return next(); },
         [this](std::int64_t tag, const Expected<RemoteSolution>& answer) { report(tag, answer); },
-        {.priority = arguments_.priority, .stop = stop});
+        {.priority = arguments_.priority, .stop = stop, .waiting = [this](const Error& reason) {
+           complain("server " + arguments_.server.server, "waits for the queue: " + reason.message());
+         }});
     // One line per file, also for files that were not reached: programs count the lines.
     const MutexLock lock(mutex_);
     Error unreached = done ? Error{} : done.error();

@@ -1,3 +1,4 @@
+#include <deque>
 #include <new>
 
 #include "connection/connection.h"
@@ -9,6 +10,7 @@
 #include "message/request_id.h"
 #include "message/status.h"
 #include "remote/one_server.h"
+#include "remote/queue_wait.h"
 #include "text/message_text.h"
 
 namespace marble {
@@ -43,23 +45,72 @@ Expected<void> fill(const ArrayElement& element, v1::ArrayElement* message) {
   return client::check_size(*message);
 }
 
-// Writes until the source ends or the server stops reading; its status then has the reason.
-Expected<void> write(Writer& writer, const ArraySource& source, const ArrayControls& controls) {
-  v1::SubmitArrayRequest request;
-  if (auto filled = fill(controls, request.mutable_setup()); !filled) return filled;
-  std::int64_t elements = 0;
-  while (writer.Write(request)) {
-    if (request.has_end()) break;
-    const std::optional<ArrayElement> element = source();
-    if (controls.stop.stop_requested()) break;  // the source itself may request it: then nothing is kept
-    request.Clear();
+// The messages of one array, for one or more attempts to send it.
+class ArrayMessages {
+ public:
+  ArrayMessages(const ArraySource& source, const ArrayControls& controls)
+      : source_(source), stop_(controls.stop), is_kept_(controls.queue_wait != Seconds(0.0)) {}
+
+  Expected<void> set_up(const ArrayControls& controls) {
+    v1::SubmitArrayRequest request;
+    if (auto filled = fill(controls, request.mutable_setup()); !filled) return filled;
+    keep(std::move(request));
+    (void)rewind();
+    return {};
+  }
+
+  // Returns the next message; null at the end, or if the caller cancelled.
+  Expected<const v1::SubmitArrayRequest*> next() {
+    if (at_ < kept_.size()) return &kept_[at_++];
+    if (has_ended_) return nullptr;
+    const std::optional<ArrayElement> element = source_();
+    if (stop_.stop_requested()) return nullptr;  // the source itself may request it: then nothing is kept
+    v1::SubmitArrayRequest request;
     if (!element) {
-      request.mutable_end()->set_elements(elements);
-      continue;
+      has_ended_ = true;
+      request.mutable_end()->set_elements(elements_);
+    } else if (auto filled = fill(*element, request.mutable_element()); !filled) {
+      return unexpected(inside("elements[" + std::to_string(elements_) + "]", filled.error()));
+    } else {
+      ++elements_;
     }
-    if (auto filled = fill(*element, request.mutable_element()); !filled)
-      return unexpected(inside("elements[" + std::to_string(elements) + "]", filled.error()));
-    ++elements;
+    keep(std::move(request));
+    return &kept_.back();
+  }
+
+  // Begins the next attempt. Returns false if messages of the last one are gone.
+  [[nodiscard]] bool rewind() {
+    at_ = 0;
+    return is_kept_;
+  }
+
+ private:
+  using Seconds = std::chrono::duration<double>;
+  static constexpr std::size_t kMostKept = 64U << 20U;  // bytes
+  static constexpr std::size_t kBesides = 512;          // of a message, about
+
+  void keep(v1::SubmitArrayRequest request) {
+    bytes_ += request.ByteSizeLong() + kBesides;
+    if (bytes_ > kMostKept) is_kept_ = false;
+    if (!is_kept_) kept_.clear();
+    kept_.push_back(std::move(request));
+    at_ = kept_.size();
+  }
+
+  const ArraySource& source_;
+  const std::stop_token& stop_;
+  std::deque<v1::SubmitArrayRequest> kept_;  // of this attempt and those before, or only the newest
+  std::size_t at_ = 0, bytes_ = 0;
+  std::int64_t elements_ = 0;
+  bool is_kept_, has_ended_ = false;
+};
+
+// Writes until the messages end or the server stops reading; its status then has the reason.
+Expected<void> write(Writer& writer, ArrayMessages& messages) {
+  while (true) {
+    const auto message = messages.next();
+    if (!message) return unexpected(message.error());
+    if (*message == nullptr || !writer.Write(**message)) break;
   }
   writer.WritesDone();
   return {};
@@ -80,17 +131,24 @@ ArrayAnswer answer_of(const v1::ArrayResultsResponse& response) {
 Expected<SubmittedArray> Jobs::submit_array(const ArraySource& source, const ArrayControls& controls) const
     try {
   if (auto one = client::one_server(connection_.get()); !one) return unexpected(one.error());
-  grpc::ClientContext context;
-  connection_->prepare(context, connection_->deadline_of(controls.deadline));
-  const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
-  v1::SubmitArrayResponse response;
-  const auto writer = connection_->jobs().SubmitArray(&context, &response);
-  const auto written = write(*writer, source, controls);
-  if (!written) context.TryCancel();
-  const grpc::Status status = writer->Finish();
-  if (!written) return unexpected(written.error());
-  if (!status.ok()) return unexpected(client::to_error(status, controls.stop));
-  return SubmittedArray{response.job_id(), response.elements()};
+  auto wait = client::QueueWait::create(controls.queue_wait, connection_->deadline_of(controls.deadline),
+                                        controls.stop, controls.waiting);
+  if (!wait) return unexpected(wait.error());
+  ArrayMessages messages(source, controls);
+  if (auto set_up = messages.set_up(controls); !set_up) return unexpected(set_up.error());
+  while (true) {
+    grpc::ClientContext context;
+    connection_->prepare(context, wait->left());
+    const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
+    v1::SubmitArrayResponse response;
+    const auto writer = connection_->jobs().SubmitArray(&context, &response);
+    const auto written = write(*writer, messages);
+    if (!written) context.TryCancel();
+    const grpc::Status status = writer->Finish();
+    if (!written) return unexpected(written.error());
+    if (status.ok()) return SubmittedArray{response.job_id(), response.elements()};
+    if (!messages.rewind() || !wait->pause(status)) return unexpected(wait->error(status));
+  }
 } catch (const std::bad_alloc&) {
   return unexpected(out_of_memory());
 }

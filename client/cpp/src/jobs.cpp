@@ -13,6 +13,7 @@
 #include "message/status.h"
 #include "remote/coupled_request.h"
 #include "remote/one_server.h"
+#include "remote/queue_wait.h"
 #include "remote/scenario_request.h"
 
 namespace marble {
@@ -23,16 +24,22 @@ using client::one_server;
 Expected<SubmittedJob> send(const client::Connection& connection, v1::SolveRequest request,
                             const std::stop_token& stop, const CallControls& call) {
   if (request.request_id().empty()) request.set_request_id(client::random_request_id());
-  grpc::ClientContext context;
-  if (auto ready = connection.prepare(context, call.traceparent, connection.deadline_of(call.deadline));
-      !ready)
-    return unexpected(ready.error());
-  const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
-  v1::SubmitResponse response;
-  const grpc::Status status = connection.jobs().Submit(&context, request, &response);
-  if (!status.ok()) return unexpected(client::to_error(status, stop));
-  return SubmittedJob{response.job_id(), response.queue_position(), response.estimated_wait_s(),
-                      client::returned_traceparent(context)};
+  auto wait =
+      client::QueueWait::create(call.queue_wait, connection.deadline_of(call.deadline), stop, call.waiting);
+  if (!wait) return unexpected(wait.error());
+  while (true) {
+    grpc::ClientContext context;
+    if (auto ready = connection.prepare(context, call.traceparent, wait->left()); !ready)
+      return unexpected(ready.error());
+    const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
+    v1::SubmitResponse response;
+    const grpc::Status status = connection.jobs().Submit(&context, request, &response);
+    if (status.ok()) {
+      return SubmittedJob{response.job_id(), response.queue_position(), response.estimated_wait_s(),
+                          client::returned_traceparent(context)};
+    }
+    if (!wait->pause(status)) return unexpected(wait->error(status));
+  }
 }
 
 Expected<SubmittedJob> send_coupled(const client::Connection& connection,

@@ -95,23 +95,21 @@ function unmet(job, options) {
 }
 
 const PARTS = [["equality", "equalities"], ["inequality", "inequalities"], ["left side of pair", "pairs"], ["right side of pair", "pairs"]];
-const MIN_SHARE = 1e-3;
-const MAX_ROWS = 8;
 
-/**
- * The rows with the largest multipliers in an infeasibility certificate, as {row, multiplier}. A certificate consists
- * of the multipliers of A z + b, C z + d, L z + l and R z + r, in this order.
- */
-export function conflictingRows(job, certificate) {
-  const rows = [];
-  let at = 0;
+// The name of a row by its position in a certificate: the multipliers of A z + b, C z + d, L z + l and R z + r.
+function rowName(job, position) {
+  let first = 0;
   for (const [name, count] of PARTS) {
-    for (let row = 0; row < job[count]; ++row) rows.push({ row: `${name} ${row}`, multiplier: Number(certificate[at++] ?? 0) });
+    if (position < first + job[count]) return `${name} ${position - first}`;
+    first += job[count];
   }
-  const largest = Math.max(0, ...rows.map(({ multiplier }) => Math.abs(multiplier)));
-  const significant = rows.filter(({ multiplier }) => Math.abs(multiplier) > MIN_SHARE * largest);
-  significant.sort((a, b) => Math.abs(b.multiplier) - Math.abs(a.multiplier));
-  return { rows: significant.slice(0, MAX_ROWS), more: Math.max(0, significant.length - MAX_ROWS) };
+  return `row ${position}`;
+}
+
+/** The rows with the largest multipliers in an infeasibility certificate, as {row, multiplier}, and the number of more. */
+export function conflictingRows(job, { rows, multipliers, more_rows }) {
+  const shown = (rows ?? []).map((position, at) => ({ row: rowName(job, position), multiplier: Number(multipliers[at]) }));
+  return { rows: shown, more: Number(more_rows ?? 0) };
 }
 
 const CONFLICT_PARTS = [
@@ -121,15 +119,11 @@ const CONFLICT_PARTS = [
   ["right side of pair", "right_sides", "R z + r ≥ 0"],
   ["complementarity of pair", "complementarities", "L z + l = 0 or R z + r = 0"],
 ];
-const MAX_PARTS = 100;
 
-/**
- * The parts of a solution's conflict as {part, needs}, the number of further parts, and whether it is minimal.
- * `conflict` may be null.
- */
-export function conflictingParts(conflict) {
+/** The parts of a conflict as {part, needs}, the number of further parts, and whether it is minimal. It may be absent. */
+export function conflictingParts({ conflict, more_parts }) {
   const parts = CONFLICT_PARTS.flatMap(([name, field, needs]) => (conflict?.[field] ?? []).map((row) => ({ part: `${name} ${row}`, needs })));
-  return { parts: parts.slice(0, MAX_PARTS), more: Math.max(0, parts.length - MAX_PARTS), minimal: conflict?.minimal === true, detail: conflict?.detail ?? "" };
+  return { parts, more: Number(more_parts ?? 0), minimal: conflict?.minimal === true, detail: conflict?.detail ?? "" };
 }
 
 // What the tree of option global_search has proved.

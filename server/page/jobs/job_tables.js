@@ -82,7 +82,7 @@ export function showConflict(place, { parts, more, minimal, detail }) {
   place.replaceChildren(
     make("p", { class: "note" }, "No point meets all of these parts. Indices are from 0:"),
     table("Parts that conflict", ["part", "needs"], lines),
-    more > 0 ? make("p", { class: "note" }, `and ${whole(more)} more; the result as JSON has all of them.`) : make("span"),
+    more > 0 ? make("p", { class: "note" }, `and ${whole(more)} more; the solution has all of them.`) : make("span"),
     make("p", { class: "note" }, minimal ? "Minimal: without any one of them the others are feasible." : "Not minimal: fewer of them may conflict."),
     detail === "" ? make("span") : make("p", { class: "note" }, detail),
   );
@@ -97,7 +97,7 @@ export function showCertificate(place, { rows, more }, explained) {
   const weighed = [
     make("p", { class: "note" }, "Conflicting rows, from 0, with their multipliers in the certificate:"),
     table("Conflicting rows", ["row", "multiplier"], lines),
-    more > 0 ? make("p", { class: "note" }, `and ${whole(more)} more; the result as JSON has all of them.`) : make("span"),
+    more > 0 ? make("p", { class: "note" }, `and ${whole(more)} more; the solution has all of them.`) : make("span"),
   ];
   place.replaceChildren(
     ...(rows.length > 0 ? weighed : []),

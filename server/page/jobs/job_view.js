@@ -29,6 +29,7 @@ export class JobView {
   #timer = 0;
   #resultRead = false;
   #solution = null;
+  #infeasibility = null;
   #offered = "";
   pairs = null; // a PairsPlot after the first frame
 
@@ -83,6 +84,7 @@ export class JobView {
     if (this.#closed) return;
     this.#job = toJob(answer.job);
     this.#options = answer.options ?? {};
+    this.#infeasibility = answer.infeasibility ?? null;
     this.#trace.replace(answer.trace);
     this.#tablesAt = -Infinity;
     this.update();
@@ -202,6 +204,7 @@ export class JobView {
     this.parts.noTimings.hidden = job.times.solve_s > 0;
     showTimings(this.parts.timings, job.times);
     this.#drawLimit();
+    this.#drawConflict();
     if (this.parts.table.open) showRows(this.parts.rows, this.#trace.rows);
     this.#allowCancel();
   }
@@ -225,26 +228,26 @@ export class JobView {
     this.parts.limit.replaceChildren(make("progress", { max: limit.limit, value: limit.used, "aria-label": "Time limit used" }), make("span", { class: "note" }, text));
   }
 
-  // Reads the result once: only it contains conflict, certificate and the tests of the point.
+  // Reads the result once: only it contains the tests of the point.
   async #readResult() {
-    const wanted = this.#job.status === "infeasible" || (this.#job.status === "solved" && !this.#job.proved);
-    if (this.#resultRead || !wanted) return;
+    if (this.#resultRead || this.#job.status !== "solved" || this.#job.proved) return;
     this.#resultRead = true;
     try {
       const { solution } = await this.context.api.get(`/api/jobs/${this.id}/result`);
-      if (this.#job.status === "solved") {
-        this.#solution = solution ?? null;
-        if (!this.#closed) this.update();
-        return;
-      }
-      if (this.#closed) return;
-      const conflict = conflictingParts(solution?.conflict);
-      if (conflict.parts.length > 0) showConflict(this.parts.conflict, conflict);
-      else showCertificate(this.parts.conflict, conflictingRows(this.#job, solution?.certificate ?? []), this.#options?.explain === true);
-      this.parts.conflict.hidden = false;
+      this.#solution = solution ?? null;
+      if (!this.#closed) this.update();
     } catch {
       // The result is no longer stored.
     }
+  }
+
+  #drawConflict() {
+    const why = this.#job.status === "infeasible" ? this.#infeasibility : null;
+    this.parts.conflict.hidden = why === null;
+    if (why === null) return;
+    const conflict = conflictingParts(why);
+    if (conflict.parts.length > 0) showConflict(this.parts.conflict, conflict);
+    else showCertificate(this.parts.conflict, conflictingRows(this.#job, why), this.#options?.explain === true);
   }
 
   // Offers the newest jobs of the same problem: with the same name, or of the same size without one.

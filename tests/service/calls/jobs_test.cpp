@@ -1,4 +1,5 @@
 // Jobs by their ids: submitted, listed, watched, cancelled, fetched and let go.
+#include <cmath>
 #include <set>
 #include <thread>
 
@@ -45,6 +46,34 @@ class Jobs : public JobsServiceTest {
     return call;
   }
 };
+
+TEST_F(Jobs, AnInfeasibleSolveReportsItsConflictAlthoughItsAnswerIsNotKept) {
+  start();
+  v1::SolveRequest request = example_request();
+  v1::Problem& problem = *request.mutable_problem();  // z1 = 1, and 3 z1 >= 6
+  problem.mutable_inequality_matrix()->Clear();
+  problem.mutable_inequality_matrix()->set_rows(1);
+  problem.mutable_inequality_matrix()->set_columns(4);
+  for (const int pointer : {0, 1, 1, 1, 1}) problem.mutable_inequality_matrix()->add_column_pointers(pointer);
+  problem.mutable_inequality_matrix()->add_row_indices(0);
+  problem.mutable_inequality_matrix()->add_values(3.0);
+  problem.clear_inequality_offset();
+  problem.add_inequality_offset(-6.0);
+  for (const bool explain : {false, true}) {
+    request.mutable_options()->set_explain(explain);
+    grpc::ClientContext context;
+    v1::SolveResponse response;
+    ASSERT_TRUE(solver().Solve(&context, request, &response).ok());
+    ASSERT_EQ(response.solution().status(), v1::STATUS_INFEASIBLE);
+    const v1::Infeasibility why = get(response.job_id()).infeasibility();
+    ASSERT_EQ(why.rows_size(), 2) << why.DebugString();
+    EXPECT_EQ(std::abs(why.multipliers(0)), std::abs(response.solution().certificate(why.rows(0))));
+    EXPECT_EQ(why.has_conflict(), explain);
+    EXPECT_EQ(why.conflict().equalities_size() + why.conflict().inequalities_size(), explain ? 2 : 0);
+    EXPECT_EQ(why.conflict().minimal(), explain);
+  }
+  EXPECT_FALSE(get(submit(example_request())).has_infeasibility());
+}
 
 TEST_F(Jobs, ASubmittedJobsAnswerIsThereForWhoeverComesBack) {
   start();

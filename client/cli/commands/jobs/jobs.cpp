@@ -19,9 +19,15 @@ struct JobsArguments {
   JobQuery query;
 };
 
+std::string activity_text(const JobInfo& job) {
+  if (job.kind == JobKind::array && job.state == JobState::running)
+    return std::to_string(job.array.done) + " of " + std::to_string(job.array.elements) + " elements";
+  return job.activity ? describe(*job.activity) : "-";
+}
+
 void print_table(const JobPage& page) {
   TextTable table({"job", "kind", "state", "priority", "client", "name", "n/n_e/n_i/n_c", "status",
-                   "iterations", "age", "time"});
+                   "iterations", "age", "time", "activity"});
   for (const JobInfo& job : page.jobs) {
     const bool waits = job.state == JobState::queued;
     table.add({job.job_id, to_string(job.kind),
@@ -29,7 +35,7 @@ void print_table(const JobPage& page) {
                to_string(job.priority), terminal_text(job.client, kLongestText),
                terminal_text(job.problem_name, kLongestText), sizes_text(job), ending(job),
                std::to_string(job.iterations), age_text(job),
-               job.total_s > 0.0 ? duration_text(job.total_s) : "-"});
+               job.total_s > 0.0 ? duration_text(job.total_s) : "-", activity_text(job)});
   }
   std::cout << table.text();
   if (page.more) std::cout << "and more: --before " << without_controls(page.jobs.back().job_id) << '\n';

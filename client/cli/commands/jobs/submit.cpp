@@ -1,8 +1,10 @@
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <utility>
 
 #include "arguments/server_arguments.h"
 #include "arguments/solver_arguments.h"
@@ -26,6 +28,23 @@ struct SubmitArguments {
   ServerArguments server;
   SolverArguments solver;
   Priority priority = Priority::by_method;
+  std::optional<double> queue_wait;
+
+  [[nodiscard]] std::optional<std::chrono::duration<double>> wait() const {
+    if (!queue_wait) return std::nullopt;
+    return std::chrono::duration<double>(*queue_wait);
+  }
+};
+
+// Reports once that the server is full, however many files wait for it.
+class WaitReport {
+ public:
+  void operator()(const std::string& subject, const Error& reason) {
+    if (!std::exchange(is_made_, true)) complain(subject, "waits for the server: " + reason.message());
+  }
+
+ private:
+  bool is_made_ = false;
 };
 
 int report_error(const SubmitArguments& arguments, const std::string& path, const std::string& name,
@@ -38,13 +57,15 @@ int report_error(const SubmitArguments& arguments, const std::string& path, cons
 }
 
 int submit_file(const SubmitArguments& arguments, const std::string& path, const Options& options,
-                const Jobs& jobs, const std::stop_token& stop) {
+                const Jobs& jobs, const std::stop_token& stop, WaitReport& waiting) {
   const auto file = formats::read_any_problem(path);
   if (!file) return report_error(arguments, path, "", file.error(), false);
   if (file->maximize) complain(path, formats::kNegativeOfMaximum);
   CallControls call;
   call.problem_name = file->problem.name;
   call.priority = arguments.priority;
+  call.queue_wait = arguments.wait();
+  call.waiting = [&](const Error& reason) { waiting(path, reason); };
   const SolveControls controls{nullptr, stop, file->problem.initial_z};
   const auto job = jobs.submit(file->problem.view(), options, controls, call);
   if (!job) return report_error(arguments, path, file->problem.name, job.error(), true);
@@ -106,10 +127,13 @@ int submit_array(const SubmitArguments& arguments, const Options& options, const
     return ArrayElement{
         .problem = problem.view(), .initial_z = problem.initial_z, .problem_name = problem.name};
   };
-  const auto array = jobs.submit_array(source, {.options = options,
-                                                .priority = arguments.priority,
-                                                .request_id = arguments.request_id,
-                                                .stop = given_up.get_token()});
+  const auto array =
+      jobs.submit_array(source, {.options = options,
+                                 .priority = arguments.priority,
+                                 .request_id = arguments.request_id,
+                                 .stop = given_up.get_token(),
+                                 .queue_wait = arguments.wait(),
+                                 .waiting = [](const Error& reason) { WaitReport()("array", reason); }});
   if (fault) return report_error(arguments, fault->first, "", fault->second, false);
   if (!array) return report_error(arguments, "array", "", array.error(), true);
   if (arguments.server.json()) {
@@ -129,13 +153,14 @@ int run(const SubmitArguments& arguments) {
   if (!client) return server_fails(arguments.server, client.error());
   const Interrupt interrupt;
   if (arguments.array) return submit_array(arguments, *options, client->jobs(), interrupt.token());
+  WaitReport waiting;
   int exit_code = kAllSolved;
   for (const std::string& path : arguments.files) {
     const int outcome =
         interrupt.token().stop_requested()
             ? report_error(arguments, path, "",
                            failure(ErrorCode::cancelled, "not submitted: interrupted before"), false)
-            : submit_file(arguments, path, *options, client->jobs(), interrupt.token());
+            : submit_file(arguments, path, *options, client->jobs(), interrupt.token(), waiting);
     exit_code = worse(exit_code, outcome);
   }
   return exit_code;
@@ -157,6 +182,12 @@ void add_submit(CLI::App& program, int& exit_code) {
                    "id chosen by the client for an array job: a repeated submission with the same id by the "
                    "same client (token or MARBLE_CLIENT_NAME) returns the same job")
       ->needs(array);
+  command
+      ->add_option(
+          "--queue-wait", arguments->queue_wait,
+          "seconds to wait for space while the server's queue, or the client's share of it, is full; "
+          "default: 10")
+      ->check(CLI::NonNegativeNumber);
   add_priority_argument(*command, arguments->priority);
   add_solver_arguments(*command, arguments->solver);
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });

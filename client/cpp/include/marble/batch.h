@@ -49,6 +49,9 @@ struct BatchControls {
   /// one result. After that time the rest is `unavailable`. Default: 10 s, and less than one second if no
   /// server has ever responded to this client. No effect in process.
   std::optional<std::chrono::duration<double>> wait = {};
+  /// Called once when the server refuses a problem because its queue, or the client's share of it, is full,
+  /// with the server's reason. The batch sends such a problem again after the time that the server names.
+  std::function<void(const Error& reason)> waiting = {};
 };
 
 /// One problem of an array.
@@ -79,6 +82,10 @@ struct ArrayControls {
   std::string request_id = {};
   std::optional<std::chrono::duration<double>> deadline = {};  ///< of the submission alone
   std::stop_token stop = {};                                   ///< cancels the submission
+  /// As CallControls::queue_wait. An array is repeated only if at most 64 MiB of it were sent before the
+  /// refusal. The client keeps what it sends up to this size; with 0 s it keeps nothing.
+  std::optional<std::chrono::duration<double>> queue_wait = {};
+  std::function<void(const Error& reason)> waiting = {};  ///< as CallControls::waiting
 };
 
 /// An array that the server accepted.

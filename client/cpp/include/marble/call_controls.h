@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "marble/error.h"
 #include "marble/solution.h"
 
 namespace marble {
@@ -40,6 +41,13 @@ struct CallControls {
   std::function<void(int queue_position, double estimated_wait_s)> moved = {};
   /// Called when a worker took the job.
   std::function<void(double queue_s)> started = {};
+  /// For submissions: how long to wait while the server's queue, or the client's share of it, is full,
+  /// seconds
+  /// >= 0 from the first refusal on. Then the result is the refusal, resource_exhausted. Default: until the
+  /// deadline, or 10 s if there is none.
+  std::optional<std::chrono::duration<double>> queue_wait = {};
+  /// Called once when a submission begins to wait for that, with the server's reason.
+  std::function<void(const Error& reason)> waiting = {};
 };
 
 /// A solution with what the server adds to it.

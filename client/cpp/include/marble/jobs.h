@@ -177,10 +177,10 @@ struct WatchControls {
 class Jobs {
  public:
   /// Queues a job that outlives this process. Of the controls only initial_z, warm_start, sensitivity and
-  /// stop are used; of the call, the deadline (for the submission only), request_id, problem_name, priority
-  /// and traceparent. A repeated submission with the same request_id is the same job, on a server that still
-  /// keeps it. Without one the id is random, because a submission that gets unavailable is retried as a solve
-  /// is.
+  /// stop are used; of the call, the deadline (for the submission only), request_id, problem_name, priority,
+  /// traceparent, queue_wait and waiting. A repeated submission with the same request_id is the same job, on
+  /// a server that still keeps it. Without one the id is random, because a submission that gets unavailable
+  /// is retried as a solve is.
   [[nodiscard]] Expected<SubmittedJob> submit(const ProblemView& problem, const Options& options = {},
                                               const SolveControls& controls = {},
                                               const CallControls& call = {}) const;

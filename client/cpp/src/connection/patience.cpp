@@ -1,7 +1,10 @@
 #include "connection/patience.h"
 
 #include <algorithm>
+#include <condition_variable>
 #include <random>
+
+#include "mutex.h"
 
 namespace marble::client {
 namespace {
@@ -35,6 +38,13 @@ std::optional<Seconds> Patience::pause() {
   const Seconds pause = std::min(next_ * share(), left);
   next_ = std::min(2.0 * next_, kLongestPause);
   return pause;
+}
+
+bool is_stopped_within(Seconds pause, const std::stop_token& stop) {
+  Mutex mutex;
+  std::condition_variable_any ended;
+  const MutexLock lock(mutex);
+  return ended.wait_for(mutex, stop, pause, [] { return false; }) || stop.stop_requested();
 }
 
 }  // namespace marble::client

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <optional>
+#include <stop_token>
 
 namespace marble::client {
 
@@ -27,5 +28,8 @@ class Patience {
   Seconds next_{0.0};
   std::optional<std::chrono::steady_clock::time_point> since_;
 };
+
+/// Waits. Returns true as soon as a stop is requested.
+[[nodiscard]] bool is_stopped_within(Patience::Seconds pause, const std::stop_token& stop);
 
 }  // namespace marble::client

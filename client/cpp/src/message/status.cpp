@@ -66,16 +66,18 @@ std::string hint_of(std::string_view message) {
   return "";
 }
 
-}  // namespace
-
-Error to_error(const grpc::Status& status) {
+google::rpc::Status details_of(const grpc::Status& status) {
   google::rpc::Status details;
   // A status from an intermediary has no details of ours.
   if (!details.ParseFromString(status.error_details())) details.clear_details();
   details.set_code(status.error_code());
   details.set_message(status.error_message());
-  return to_error(details);
+  return details;
 }
+
+}  // namespace
+
+Error to_error(const grpc::Status& status) { return to_error(details_of(status)); }
 
 Error to_error(const google::rpc::Status& status) {
   Error error;
@@ -110,6 +112,10 @@ std::optional<std::chrono::duration<double>> retry_after(const google::rpc::Stat
               std::chrono::nanoseconds(info.retry_delay().nanos());
   }
   return delay;
+}
+
+std::optional<std::chrono::duration<double>> retry_after(const grpc::Status& status) {
+  return retry_after(details_of(status));
 }
 
 Error to_error(const grpc::Status& status, const std::stop_token& stop) {

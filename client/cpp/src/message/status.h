@@ -21,6 +21,7 @@ namespace marble::client {
 /// Returns after how long a retry may succeed, if the request was refused for lack of capacity; nothing if
 /// waiting does not help.
 [[nodiscard]] std::optional<std::chrono::duration<double>> retry_after(const google::rpc::Status& status);
+[[nodiscard]] std::optional<std::chrono::duration<double>> retry_after(const grpc::Status& status);
 
 /// The same; the error says that the caller cancelled, if it did.
 [[nodiscard]] Error to_error(const grpc::Status& status, const std::stop_token& stop);

@@ -1,6 +1,5 @@
 #include "marble/batch.h"
 
-#include <condition_variable>
 #include <new>
 #include <thread>
 
@@ -119,7 +118,8 @@ class Batch {
       if (queue_.done()) return {};
       if (queue_.is_closed()) return unexpected(error);  // there was no memory for more
       const auto pause = patience_.pause();
-      if (!pause || is_stopped_within(*pause)) return unexpected(stopped().value_or(error));
+      if (!pause || client::is_stopped_within(*pause, controls_.stop))
+        return unexpected(stopped().value_or(error));
     }
   }
 
@@ -149,9 +149,11 @@ class Batch {
     patience_.reached();
     connection_.note_reached();
     report_refused();
-    if (const auto pause = pause_after(response))
+    if (const auto pause = pause_after(response)) {
+      report_waiting(response.error());
       return queue_.send_again(response.tag(),
                                Clock::now() + std::chrono::duration_cast<Clock::duration>(*pause));
+    }
     const std::optional<std::int64_t> tag = queue_.answered(response.tag());
     if (!tag) return;
     auto answer = answer_of(response);
@@ -159,16 +161,14 @@ class Batch {
     sink_(*tag, std::move(answer));
   }
 
-  void report_refused() {
-    for (auto& [tag, error] : queue_.refused()) sink_(tag, unexpected(std::move(error)));
+  void report_waiting(const google::rpc::Status& refusal) {
+    if (has_waited_ || refusal.code() != grpc::StatusCode::RESOURCE_EXHAUSTED) return;
+    has_waited_ = true;
+    if (controls_.waiting) controls_.waiting(client::to_error(refusal));
   }
 
-  bool is_stopped_within(Seconds pause) {
-    Mutex mutex;
-    std::condition_variable_any ended;
-    const MutexLock lock(mutex);
-    return ended.wait_for(mutex, controls_.stop, pause, [] { return false; }) ||
-           controls_.stop.stop_requested();
+  void report_refused() {
+    for (auto& [tag, error] : queue_.refused()) sink_(tag, unexpected(std::move(error)));
   }
 
   [[nodiscard]] std::optional<Error> stopped() const {
@@ -182,6 +182,7 @@ class Batch {
   const BatchControls& controls_;
   client::Patience patience_;
   BatchQueue queue_;
+  bool has_waited_ = false;  // for a full server
 };
 
 }  // namespace
