@@ -82,6 +82,21 @@ TEST_F(FleetArrays, AnyServerReadsWhatAnyOtherRuns) {
   EXPECT_TRUE(eventually([&] { return database_.ask("SELECT count(*) FROM marble_elements") == "0"; }));
 }
 
+TEST_F(FleetArrays, AnyServerSendsItsResultsOverPlainHttpToo) {
+  const auto a = start(), b = start({"--http", "127.0.0.1:0"});
+  const std::string id = submit_array(a->jobs(), elements_of(5));
+  httplib::Client there(b->server().http());
+  there.set_read_timeout(120);
+  std::int64_t after = 0;
+  while (after < 5) {
+    const auto page = there.Get("/api/jobs/" + id + "/results?wait=30&after=" + std::to_string(after));
+    ASSERT_EQ(page->status, 200) << page->body;
+    after += std::ranges::count(page->body, '\n');
+  }
+  EXPECT_EQ(there.Get("/api/jobs/" + id + "/results?wait=30&after=5")->status, 204);
+  EXPECT_EQ(there.Get("/api/jobs/none/results")->status, 404);
+}
+
 TEST_F(FleetArrays, AReaderOnAnotherServerFollowsAndWatchesItsProgress) {
   const auto a = start();
   const std::string id = submit_array(a->jobs(), with_long(10, 4));
