@@ -322,6 +322,17 @@ def paths(schemas):
             {"200": answer("The result.", ref("JobResult"))}, "400 401 403 404 409 429 503",
             [*job, parameter("wait", "Seconds to wait for the result, at most the server's http_wait_s (60); absent or 0 does "
                              "not wait.", {"type": "number", "minimum": 0})])},
+        "/api/jobs/{job_id}/results": {"get": operation(
+            "getResults", ("Returns results of an array", "A page of about 1 MiB: one ArrayResultsResponse per line, in the order in "
+                           "which elements ended, for the array's owner and the role admin."),
+            {"200": {"description": "Results; or the error with which the array ended, after its last result.", "content": {
+                "application/json": {"schema": ref("JobResult")},
+                "application/x-ndjson": {"schema": schemas.add("ArrayResultsResponse")}}},
+             "204": answer("All results have been sent.")}, "400 401 403 404 409 429 503",
+            [*job, parameter("after", "Only results after the one with this sequence; absent or 0 means all.",
+                             {"type": "integer", "minimum": 0}),
+             parameter("wait", "Seconds to wait for a result, at most the server's http_wait_s (60); absent or 0 does not wait.",
+                       {"type": "number", "minimum": 0})])},
         "/api/jobs/{job_id}/events": {"get": operation(
             "watchJob", ("Watches a job", f"{stream}`job` (data: a WatchJobsResponse, the first with the trace so far), `end`."),
             {"200": answer("Events.", text, "text/event-stream")}, "401 403 404 429", job)},

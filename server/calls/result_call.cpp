@@ -7,7 +7,7 @@
 #include "service/admission.h"
 #include "service/job_access.h"
 #include "store/submissions.h"
-#include "submissions/arrays.h"
+#include "submissions/array.h"
 
 namespace marble::server {
 
@@ -31,8 +31,7 @@ Expected<void> ResultCall::wait(grpc::CallbackServerContext& context, const grpc
     return unexpected(failure(ErrorCode::not_found, "job_id", id_,
                               "is no submitted job, or its answer is not kept any more"));
   }
-  if (parts_.submissions->arrays() != nullptr && parts_.submissions->arrays()->find(id_) != nullptr)
-    return unexpected(no_single_answer(id_).answer.error());
+  if (parts_.submissions->is_array(id_)) return unexpected(no_single_answer(id_).answer.error());
   const auto record = parts_.board.find(id_);
   // A job that has just finished has its result in a moment.
   const bool over = record == nullptr || record->is_finished() || parts_.results.get(id_) != nullptr;

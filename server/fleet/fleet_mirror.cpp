@@ -11,6 +11,7 @@
 #include "marble/convert.h"
 #include "service/job_message.h"
 #include "service/stored_job.h"
+#include "submissions/array.h"
 
 namespace marble::server {
 namespace {
@@ -29,13 +30,13 @@ constexpr const char* kAll =
     "$1)"
     " SELECT id, j.number, client, peer, priority, state, cancelled, server,"
     " CASE WHEN state < 2 OR recent.number IS NOT NULL THEN info ELSE ''::bytea END,"
-    " pg_snapshot_xmin(pg_current_snapshot())::text, extract(epoch FROM accepted)::float8"
-    " FROM marble_jobs j LEFT JOIN recent ON recent.number = j.number WHERE state < 3"
+    " pg_snapshot_xmin(pg_current_snapshot())::text, extract(epoch FROM accepted)::float8,"
+    " coalesce(elements, 0) FROM marble_jobs j LEFT JOIN recent ON recent.number = j.number WHERE state < 3"
     " ORDER BY state = 2 DESC, CASE WHEN state = 2 THEN ended END, j.number";
 constexpr const char* kChanges =
     "SELECT id, number, client, peer, priority, state, cancelled, server, info,"
-    " pg_snapshot_xmin(pg_current_snapshot())::text, extract(epoch FROM accepted)::float8"
-    " FROM marble_jobs WHERE changed >= $1::xid8 ORDER BY number";
+    " pg_snapshot_xmin(pg_current_snapshot())::text, extract(epoch FROM accepted)::float8,"
+    " coalesce(elements, 0) FROM marble_jobs WHERE changed >= $1::xid8 ORDER BY number";
 constexpr const char* kHorizon = "SELECT pg_snapshot_xmin(pg_current_snapshot())::text";
 constexpr const char* kWhole =
     "SELECT coalesce(a.job, l.job), coalesce(l.upto, 0) FROM marble_jobs j"
@@ -45,11 +46,12 @@ constexpr const char* kLiveRows =
     "SELECT j.id, l.first, l.upto, l.info, CASE WHEN j.id = ANY ($1::text[]) THEN l.rows ELSE ''::bytea END"
     " FROM marble_live l JOIN marble_jobs j USING (number) WHERE j.state = 1";
 constexpr const char* kAnswer =
-    "SELECT answer, error FROM marble_jobs JOIN marble_answers USING (number) WHERE id = $1 AND state = 2";
+    "SELECT answer, error, elements IS NOT NULL FROM marble_jobs JOIN marble_answers USING (number) WHERE id "
+    "= $1 AND state = 2";
 
 constexpr const char* kBoth =
     "SELECT request, coalesce(answer, ''::bytea) FROM marble_jobs JOIN marble_requests USING (number)"
-    " LEFT JOIN marble_answers USING (number) WHERE id = $1 AND state < 3";
+    " LEFT JOIN marble_answers USING (number) WHERE id = $1 AND state < 3 AND elements IS NULL";
 
 JobSnapshot snapshot_in(const PgRows& rows, int row, int column, FleetState state) {
   JobSnapshot snapshot = stored_snapshot(rows.bytes(row, column));
@@ -117,6 +119,16 @@ void FleetMirror::fetch_pair(const std::string& id, std::function<void(Expected<
   then(unexpected(well.error()));
 }
 
+void FleetMirror::find_array(const std::string& id, FleetReaders::Find then) {
+  Expected<void> well;
+  {
+    const MutexLock lock(mutex_);
+    well = closing_ ? unexpected(draining()) : well_;
+    if (well) return readers_.find(id, std::move(then));
+  }
+  then(unexpected(well.error()));
+}
+
 void FleetMirror::read_anew(const std::string& id) {
   const MutexLock lock(mutex_);
   asked_.anew.push_back(id);
@@ -161,11 +173,12 @@ void FleetMirror::run() {
   while (true) {
     Expected<bool> reported = false;
     if (database_ && database_->is_open()) {
-      reported = database_->wait(bell_.get(), parts_.feeds.open() > 0 ? kWatched : kQuiet);
+      reported = database_->wait(bell_.get(), readers_.patience(parts_.feeds.open() > 0 ? kWatched : kQuiet));
     }
     const Asked asked = take();
-    Expected<void> done = reported ? attempt(asked) : unexpected(reported.error());
+    Expected<void> done = reported ? attempt(asked, *reported) : unexpected(reported.error());
     set_well(done);
+    if (!done) readers_.refuse(done.error());
     for (const Look& look : asked.looks) report(look, done);
     for (const PairFetch& fetch_pair : asked.pair_fetches) {
       auto both = done ? read_both(fetch_pair.id) : unexpected(done.error());
@@ -178,6 +191,7 @@ void FleetMirror::run() {
       poll(ends.data(), ends.size(), static_cast<int>(kQuiet.count()));
     }
   }
+  readers_.refuse(draining());
   // Requests that arrived between the last round and now.
   const Asked late = take();
   for (const Look& look : late.looks) report(look, {});
@@ -185,10 +199,11 @@ void FleetMirror::run() {
 }
 
 // No exception ends the thread, and with it the server.
-Expected<void> FleetMirror::attempt(const Asked& asked) {
+Expected<void> FleetMirror::attempt(const Asked& asked, bool changed) {
   try {
     if (auto connected = connect(); !connected) return connected;
-    return answer(asked);
+    if (auto answered = answer(asked); !answered) return answered;
+    return readers_.serve(*database_, changed);
   } catch (const std::exception& error) {
     return unexpected(failure(ErrorCode::unavailable, "state", "", error.what()));
   }
@@ -299,11 +314,13 @@ void FleetMirror::show(const std::string& id, Known& known, const PgRows& rows, 
   if ((reported.empty() && known.state == FleetState::answered) || known.is_whole) return;
   if (record == nullptr) {
     if (!is_new && known.state == FleetState::answered) return;  // the board has dropped it
-    const StoredJob stored{.id = id,
-                           .client = std::string(rows.bytes(row, 2)),
-                           .peer = std::string(rows.bytes(row, 3)),
-                           .priority = rows.integer(row, 4),
-                           .accepted_unix_s = rows.real(row, 10)};
+    const StoredJob stored{
+        .id = id,
+        .client = std::string(rows.bytes(row, 2)),
+        .peer = std::string(rows.bytes(row, 3)),
+        .priority = rows.integer(row, 4),
+        .accepted_unix_s = rows.real(row, 10),
+        .elements = rows.integer(row, 11) > 0 ? std::optional(rows.integer(row, 11)) : std::nullopt};
     record = parts_.board.make(description_of(stored, reported), Options());
     parts_.board.add(record);
   }
@@ -403,7 +420,8 @@ Expected<void> FleetMirror::read_answer(const std::string& id) {
   const auto rows = database_->run(PgStatement(kAnswer).text(id));
   if (!rows) return unexpected(rows.error());
   if (rows->size() == 0) return {};  // gone, as the next changes will show
-  parts_.results.deliver(id, stored_answer(rows->bytes(0, 0), rows->bytes(0, 1)));
+  parts_.results.deliver(
+      id, rows->truth(0, 2) ? no_single_answer(id) : stored_answer(rows->bytes(0, 0), rows->bytes(0, 1)));
   return {};
 }
 

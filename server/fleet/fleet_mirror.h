@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "base/descriptor.h"
+#include "fleet/fleet_readers.h"
 #include "fleet/fleet_schema.h"
 #include "service/service_parts.h"
 #include "store/group_writer.h"
@@ -54,6 +55,8 @@ class FleetMirror {
   /// Submissions::fetch_pair().
   void fetch_pair(const std::string& id, std::function<void(Expected<AskedAndAnswered>)> then)
       ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Submissions::find_array().
+  void find_array(const std::string& id, FleetReaders::Find then) ABSL_LOCKS_EXCLUDED(mutex_);
   /// This server's state of the job differs from the store's: reads it again.
   void read_anew(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
   /// True if no caller waits for it.
@@ -96,7 +99,7 @@ class FleetMirror {
   [[nodiscard]] Asked take() ABSL_LOCKS_EXCLUDED(mutex_);
   void report(const Look& look, const Expected<void>& looked) const;
   void set_well(const Expected<void>& done) ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] Expected<void> attempt(const Asked& asked);
+  [[nodiscard]] Expected<void> attempt(const Asked& asked, bool changed);
   [[nodiscard]] Expected<void> connect();
   [[nodiscard]] Expected<void> answer(const Asked& asked);
   [[nodiscard]] Expected<void> read_all();
@@ -121,6 +124,7 @@ class FleetMirror {
   bool working_ ABSL_GUARDED_BY(mutex_) = false;
   bool closing_ ABSL_GUARDED_BY(mutex_) = false;
   const std::shared_ptr<Waiting> waiting_ = std::make_shared<Waiting>();
+  FleetReaders readers_{[this] { ring(); }};
   std::optional<Postgres> database_;  // used by the mirror's thread only, like all that follow
   std::string horizon_;               // transactions from this one on may be unread
   std::unordered_map<std::string, Known> known_;

@@ -5,16 +5,20 @@
 namespace marble::server {
 namespace {
 
-constexpr std::int64_t kVersionOfTables = 1;
+constexpr std::int64_t kVersionOfTables = 2;
 
 // `number` is the order of acceptance. `changed` is the transaction that changed the row last, by which each
 // server finds new changes. `token` is new whenever a server takes the job: only its holder may write a
 // result (a fencing token). `lost` counts the servers that died while running it. Rows of gone jobs stay for
 // a while, so that all servers read the change. Large columns are in separate tables, because a row is
 // rewritten with each change of its state.
+//
+// An array has `elements`, and is received in a state of its own. `place` is an element's number, `claimed`
+// the number of the claim by which the array's server may run it, or 0. `sequence` is the order of the
+// results.
 constexpr std::array kMake = {
     "CREATE TABLE marble_schema (version integer NOT NULL)",
-    "INSERT INTO marble_schema VALUES (1)",
+    "INSERT INTO marble_schema VALUES (2)",
     "CREATE TABLE marble_jobs ("
     " number bigint GENERATED ALWAYS AS IDENTITY PRIMARY KEY, id text NOT NULL UNIQUE,"
     " client text NOT NULL, request_id text NOT NULL, digest bytea NOT NULL,"
@@ -23,13 +27,13 @@ constexpr std::array kMake = {
     " state smallint NOT NULL DEFAULT 0, server text NOT NULL DEFAULT '', token text NOT NULL DEFAULT '',"
     " lease timestamptz, lost integer NOT NULL DEFAULT 0,"
     " ended timestamptz, answer_bytes bigint NOT NULL DEFAULT 0,"
-    " info bytea NOT NULL, changed xid8 NOT NULL DEFAULT pg_current_xact_id())",
+    " info bytea NOT NULL, changed xid8 NOT NULL DEFAULT pg_current_xact_id(), elements bigint)",
     "CREATE UNIQUE INDEX marble_jobs_request ON marble_jobs (client, request_id)"
     " WHERE request_id <> '' AND state < 3",
     "CREATE INDEX marble_jobs_line ON marble_jobs (client, priority, number) WHERE state = 0",
-    "CREATE INDEX marble_jobs_load ON marble_jobs (client, priority) INCLUDE (state, bytes, lost) WHERE "
-    "state < 2",
-    "CREATE INDEX marble_jobs_lease ON marble_jobs (lease) WHERE state = 1",
+    "CREATE INDEX marble_jobs_load ON marble_jobs (client, priority) INCLUDE (state, bytes, lost)"
+    " WHERE state IN (0, 1, 4)",
+    "CREATE INDEX marble_jobs_lease ON marble_jobs (lease) WHERE state IN (1, 4)",
     "CREATE INDEX marble_jobs_ended ON marble_jobs (ended, number) INCLUDE (answer_bytes, bytes) WHERE state "
     ">= 2",
     "CREATE INDEX marble_jobs_changed ON marble_jobs (changed)",
@@ -40,6 +44,18 @@ constexpr std::array kMake = {
     " number bigint PRIMARY KEY REFERENCES marble_jobs ON DELETE CASCADE,"
     " answer bytea NOT NULL, error bytea NOT NULL, job bytea NOT NULL)",
     "ALTER TABLE marble_answers ALTER answer SET STORAGE EXTERNAL",
+    "CREATE TABLE marble_elements ("
+    " job bigint REFERENCES marble_jobs ON DELETE CASCADE, place bigint, request bytea,"
+    " claimed bigint NOT NULL DEFAULT 0, lost bigint NOT NULL DEFAULT 0,"
+    " sequence bigint, ended smallint, iterations bigint, factorizations bigint, answer bytea,"
+    " PRIMARY KEY (job, place))",
+    "ALTER TABLE marble_elements ALTER request SET STORAGE EXTERNAL, ALTER answer SET STORAGE EXTERNAL",
+    "CREATE INDEX marble_elements_open ON marble_elements (job, place) WHERE sequence IS NULL AND claimed = "
+    "0",
+    "CREATE INDEX marble_elements_suspect ON marble_elements (job, place)"
+    " WHERE sequence IS NULL AND claimed = 0 AND lost > 0",
+    "CREATE INDEX marble_elements_claimed ON marble_elements (job) WHERE sequence IS NULL AND claimed <> 0",
+    "CREATE INDEX marble_elements_answered ON marble_elements (job, sequence) WHERE sequence IS NOT NULL",
     // The state of running jobs, several times a second: a crash of the database may lose it.
     "CREATE UNLOGGED TABLE marble_live ("
     " number bigint PRIMARY KEY REFERENCES marble_jobs ON DELETE CASCADE,"

@@ -7,8 +7,8 @@
 
 namespace marble::server {
 
-/// States of a job in the tables.
-enum class FleetState { waiting = 0, running = 1, answered = 2, gone = 3 };
+/// States of a job in the tables; `draft`: an array that is being received, which no one sees.
+enum class FleetState { waiting = 0, running = 1, answered = 2, gone = 3, draft = 4 };
 
 /// Listens for the notifications of changes between servers.
 constexpr const char* kFleetListen = "LISTEN marble_jobs";

@@ -6,8 +6,8 @@
 #include <tuple>
 
 #include "base/random_id.h"
+#include "fleet/fleet_array_statements.h"
 #include "fleet/fleet_statements.h"
-#include "jobs/scheduler.h"
 #include "process/fault_point.h"
 
 namespace marble::server {
@@ -21,7 +21,8 @@ constexpr int kTries = 5;                   // attempts of a transaction that co
 constexpr std::int64_t kAnswerBytes = 512;  // memory of a result besides its message
 constexpr double kOldest = 4e9;             // limit on a job's age in seconds: clocks count no further
 constexpr std::int64_t kMostLost = 1'000'000;
-constexpr std::int64_t kMostOfALine = 64;  // jobs of one client and priority in one take
+constexpr std::int64_t kMostClaimedBytes = 8 << 20;  // of an array, in one claim
+constexpr std::int64_t kMostOfALine = 64;            // jobs of one client and priority in one take
 
 bool collided(const std::string& state) { return state.starts_with("40"); }
 
@@ -32,6 +33,10 @@ std::string tokens_of(const std::vector<std::pair<std::string, std::string>>& he
 }
 
 void append(std::vector<PgStatement>& all, PgStatement&& one) { all.push_back(std::move(one)); }
+
+std::optional<std::int64_t> array_size(std::int64_t elements) {
+  return elements > 0 ? std::optional(elements) : std::nullopt;
+}
 
 }  // namespace
 
@@ -45,7 +50,8 @@ TakenJob taken_in(const PgRows& rows, int row) {
                      .priority = static_cast<std::int64_t>(priority_of(rows.integer(row, 6))),
                      .accepted_unix_s = rows.real(row, 7),
                      .cancelled = rows.truth(row, 9),
-                     .request = text(13)},
+                     .request = text(13),
+                     .elements = array_size(rows.integer(row, 14))},
           .number = rows.integer(row, 0),
           .age_s = rows.real(row, 8) > 0.0 ? std::min(rows.real(row, 8), kOldest) : 0.0,
           .lost = static_cast<int>(std::clamp<std::int64_t>(rows.integer(row, 10), 0, kMostLost)),
@@ -85,6 +91,37 @@ void FleetStore::cancel(StoredResult if_waiting, CompletionCallback settled) {
 
 void FleetStore::forget(const std::string& id, CompletionCallback settled) {
   changes_.ask({.kind = Kind::forget, .result = {.id = id}, .settled = std::move(settled)});
+}
+
+void FleetStore::open_array(std::shared_ptr<FleetJob> job, CompletionCallback settled) {
+  changes_.ask({.kind = Kind::open, .job = std::move(job), .settled = std::move(settled)});
+}
+
+void FleetStore::add_element(std::shared_ptr<FleetJob> job, StoredElement element,
+                             CompletionCallback settled) {
+  changes_.ask({.kind = Kind::add_element,
+                .job = std::move(job),
+                .element = std::move(element),
+                .settled = std::move(settled)});
+}
+
+void FleetStore::seal_array(std::shared_ptr<FleetJob> job, StoredResult whole, CompletionCallback settled) {
+  looks_ = true;
+  changes_.ask(
+      {.kind = Kind::seal, .job = std::move(job), .result = std::move(whole), .settled = std::move(settled)});
+}
+
+void FleetStore::drop_array(std::shared_ptr<FleetJob> job) {
+  changes_.ask({.kind = Kind::drop, .job = std::move(job)});
+}
+
+void FleetStore::claim_elements(std::shared_ptr<ElementClaim> claim, CompletionCallback settled) {
+  changes_.ask({.kind = Kind::claim, .claim = std::move(claim), .settled = std::move(settled)});
+}
+
+void FleetStore::answer_element(ElementAnswer answer, const std::string& token, CompletionCallback settled) {
+  changes_.ask(
+      {.kind = Kind::answer, .token = token, .answer = std::move(answer), .settled = std::move(settled)});
 }
 
 void FleetStore::look_for_jobs() {
@@ -139,18 +176,22 @@ Expected<void> FleetStore::write_once(std::vector<Change>& changes, const Due& d
   if (changes.empty() && room.jobs <= 0 && !due.second) return {};
   std::vector<PgStatement> first;
   first.emplace_back("BEGIN");
-  bool adds = false;
+  std::vector<std::pair<ElementClaim*, std::size_t>> claims;  // and their statements
   for (const Change& change : changes) {
     const StoredResult& result = change.result;
+    const ElementAnswer& answer = change.answer;
     switch (change.kind) {
       case Kind::add:
-        adds = true;
+      case Kind::open:
+      case Kind::add_element:
+      case Kind::seal:
         break;
       case Kind::finish:
         append(first, PgStatement(kFinish)
                           .text(result.id)
                           .text(change.token)
-                          .number(static_cast<std::int64_t>(result.answer.size()) + kAnswerBytes)
+                          .number(static_cast<std::int64_t>(result.answer.size()) + kAnswerBytes +
+                                  result.element_bytes)
                           .blob(result.info)
                           .blob(result.answer)
                           .blob(result.error)
@@ -166,19 +207,50 @@ Expected<void> FleetStore::write_once(std::vector<Change>& changes, const Due& d
       case Kind::forget:
         append(first, PgStatement(kForget).text(result.id));
         break;
+      case Kind::drop:
+        drafts_.erase(change.job->stored.id);
+        append(first, PgStatement(kDropArray).text(change.job->stored.id).text(change.job->token));
+        break;
+      case Kind::claim:
+        claims.emplace_back(change.claim.get(), first.size());
+        append(first, PgStatement(kClaim)
+                          .text(change.claim->id)
+                          .text(change.claim->token)
+                          .number(change.claim->number)
+                          .text(change.claim->suspect ? "true" : "false")
+                          .number(limits_.job_starts)
+                          .number(change.claim->most)
+                          .number(kMostClaimedBytes));
+        break;
+      case Kind::answer:
+        append(first, PgStatement(kAnswerElement)
+                          .text(answer.array)
+                          .text(change.token)
+                          .number(answer.index)
+                          .number(static_cast<std::int64_t>(answer.end))
+                          .number(answer.iterations)
+                          .number(answer.factorizations)
+                          .blob(answer.message));
+        break;
     }
   }
+  const bool adds = std::ranges::any_of(changes, &Change::adds);
   // After an outage of the network or the database, all servers have the time of a lease to renew theirs.
   const bool takes_over =
       due.second &&
       std::chrono::duration<double>(std::chrono::steady_clock::now() - connected_).count() > limits_.lease_s;
-  if (takes_over) first.emplace_back(kTakeOver);
+  const std::size_t take_over = first.size();
+  if (takes_over) {
+    first.emplace_back(kTakeOver);
+    first.emplace_back(kDropLateArrays);
+  }
   if (adds) first.emplace_back("SELECT pg_advisory_xact_lock(hashtext('marble_jobs'))");
   const auto begun = database_->run(first);
   if (!begun) return unexpected(begun.error());
-  bool reports = !changes.empty();
+  for (const auto& [claim, statement] : claims) read_claim((*begun)[statement], *claim);
+  bool reports = std::ranges::any_of(changes, &Change::is_news);
   if (takes_over) {
-    const PgRows& late = (*begun)[first.size() - (adds ? 2 : 1)];
+    const PgRows& late = (*begun)[take_over];
     for (int row = 0; row < late.size(); ++row) {
       reports = true;
       log_.warn(Component::server, "job_taken_over",
@@ -196,6 +268,7 @@ Expected<void> FleetStore::write_once(std::vector<Change>& changes, const Due& d
       auto took = take(*now, room);
       if (!took) return unexpected(took.error());
       taken = std::move(*took);
+      if (auto counted = count_elements(taken); !counted) return counted;
       reports = reports || !taken.empty();
     }
   }
@@ -215,12 +288,14 @@ Expected<void> FleetStore::write_once(std::vector<Change>& changes, const Due& d
 // In a transaction that does not wait for the disk: lost data are soon written again.
 Expected<void> FleetStore::renew() {
   const auto held = taker_.held();
-  if (held.empty()) return {};
+  if (held.empty() && drafts_.empty()) return {};
+  auto all_held = held;
+  all_held.insert(all_held.end(), drafts_.begin(), drafts_.end());
   std::vector<PgStatement> all;
   all.emplace_back("BEGIN");
   all.emplace_back("SET LOCAL synchronous_commit = off");
-  append(all, PgStatement(kRenew).text(tokens_of(held)).real(limits_.lease_s));
-  for (const LiveJob& job : taker_.live())
+  append(all, PgStatement(kRenew).text(tokens_of(all_held)).real(limits_.lease_s));
+  for (const LiveJob& job : taker_.live()) {
     append(all, PgStatement(kLive)
                     .number(job.number)
                     .text(job.token)
@@ -229,6 +304,13 @@ Expected<void> FleetStore::renew() {
                     .blob(job.rows)
                     .blob(job.info)
                     .blob(job.job));
+    if (job.is_array)
+      append(all, PgStatement(kArraySizes)
+                      .number(job.number)
+                      .text(job.token)
+                      .number(job.request_bytes)
+                      .number(job.answer_bytes));
+  }
   all.emplace_back("COMMIT");
   const auto renewed = database_->run(all);
   if (!renewed) return unexpected(renewed.error());
@@ -236,7 +318,7 @@ Expected<void> FleetStore::renew() {
   for (int row = 0; row < ours.size(); ++row) {
     if (ours.truth(row, 1)) taker_.cancelled(std::string(ours.bytes(row, 0)));
   }
-  if (static_cast<std::size_t>(ours.size()) == held.size()) return {};
+  if (static_cast<std::size_t>(ours.size()) == all_held.size()) return {};
   std::vector<std::string> lost;
   for (const auto& [id, token] : held) {
     bool is_ours = false;
@@ -258,100 +340,10 @@ Expected<FleetStore::Lines> FleetStore::lines() {
                      .waiting = rows->integer(row, 2),
                      .running = rows->integer(row, 3),
                      .bytes = rows->integer(row, 4),
-                     .turn = rows->integer(row, 5)});
+                     .turn = rows->integer(row, 5),
+                     .drafts = rows->integer(row, 7)});
   }
   return lines;
-}
-
-// The rules of JobQueue::push(), for all servers together.
-QueueRefusal FleetStore::refusal(const FleetJob& job, const Lines& lines, int& position) const {
-  const auto priority = static_cast<std::size_t>(job.stored.priority);
-  Line all, own;
-  std::int64_t before = 0;
-  for (const Line& line : lines) {
-    for (Line* sum : {&all, &own}) {
-      if (sum == &own && line.client != job.stored.client) continue;
-      sum->waiting += line.waiting;
-      sum->running += line.running;
-      sum->bytes += line.bytes;
-    }
-    if (line.priority <= priority) before += line.waiting;
-  }
-  position = static_cast<int>(before);
-  const QueueLimits& most = limits_.queue;
-  const auto bytes = static_cast<std::int64_t>(job.stored.request.size());
-  if (all.waiting >= most.jobs_for(static_cast<Priority>(priority)) + most.workers) return QueueRefusal::jobs;
-  const bool runs_at_once = own.waiting == 0 && own.running < job.quota.running;
-  if (own.waiting >= job.quota.queued && !runs_at_once) return QueueRefusal::client_jobs;
-  if (bytes > most.bytes - all.bytes) return QueueRefusal::bytes;
-  if (bytes > job.quota.bytes - own.bytes) return QueueRefusal::client_bytes;
-  return QueueRefusal::none;
-}
-
-Expected<void> FleetStore::add_all(std::vector<Change>& changes, Lines& lines) {
-  std::vector<PgStatement> ask, add;
-  for (const Change& change : changes) {
-    if (change.kind != Kind::add) continue;
-    const StoredJob& job = change.job->stored;
-    append(ask, PgStatement("SELECT id, digest FROM marble_jobs"
-                            " WHERE client = $1 AND request_id = $2 AND request_id <> '' AND state < 3")
-                    .text(job.client)
-                    .text(job.request_id));
-  }
-  const auto earlier = database_->run(ask);
-  if (!earlier) return unexpected(earlier.error());
-  struct Earlier {
-    std::string id, digest;
-  };
-  std::map<std::pair<std::string, std::string>, Earlier> of_group;
-  std::size_t at = 0;
-  for (const Change& change : changes) {
-    if (change.kind != Kind::add) continue;
-    const PgRows& rows = (*earlier)[at++];
-    FleetJob& job = *change.job;
-    const StoredJob& stored = job.stored;
-    const std::pair name(stored.client, stored.request_id);
-    if (rows.size() > 0) of_group[name] = {std::string(rows.bytes(0, 0)), std::string(rows.bytes(0, 1))};
-    if (const auto same = of_group.find(name); same != of_group.end() && !stored.request_id.empty()) {
-      job.id = same->second.id;
-      if (same->second.digest != stored.digest)
-        job.id =
-            unexpected(invalid("request_id", stored.request_id,
-                               "must be new: job " + same->second.id + " is of another request by this id"));
-      continue;
-    }
-    if (const auto why = refusal(job, lines, job.position); why != QueueRefusal::none) {
-      const Ticket ticket{.client = stored.client,
-                          .priority = static_cast<Priority>(stored.priority),
-                          .bytes = static_cast<std::int64_t>(stored.request.size())};
-      job.id = unexpected(refusal_of(why, limits_.queue, ticket, job.quota));
-      continue;
-    }
-    job.id = stored.id;
-    of_group[name] = {stored.id, stored.digest};
-    const auto bytes = static_cast<std::int64_t>(stored.request.size());
-    const auto priority = static_cast<std::size_t>(stored.priority);
-    auto line = std::ranges::find_if(lines, [&](const Line& one) {
-      return one.client == stored.client && one.priority == priority && !one.suspect;
-    });
-    if (line == lines.end()) line = lines.insert(line, {.client = stored.client, .priority = priority});
-    ++line->waiting;
-    line->bytes += bytes;
-    append(add, PgStatement(kAdd)
-                    .text(stored.id)
-                    .text(stored.client)
-                    .text(stored.request_id)
-                    .blob(stored.digest)
-                    .text(stored.peer)
-                    .text(stored.traceparent)
-                    .number(stored.priority)
-                    .number(bytes)
-                    .blob(job.info)
-                    .blob(stored.request));
-  }
-  if (add.empty()) return {};
-  const auto added = database_->run(add);
-  return added ? Expected<void>() : unexpected(added.error());
 }
 
 // The rules of JobQueue::pop(): priorities with those that were passed over, then clients in turns, within
@@ -409,53 +401,6 @@ Expected<std::vector<TakenJob>> FleetStore::take(const Lines& lines, FleetTaker:
     for (int row = 0; row < rows.size(); ++row) taken.push_back(taken_in(rows, row));
   }
   return taken;
-}
-
-// Removes expired results, and those beyond the limits; one server at a time.
-Expected<void> FleetStore::clean() {
-  const auto first = database_->run("SELECT pg_try_advisory_xact_lock(hashtext('marble_clean'))");
-  if (!first) return unexpected(first.error());
-  if (!first->truth(0, 0)) return {};
-  std::vector<PgStatement> all;
-  // Repairs values that no server writes, and with which no server would take the job.
-  all.emplace_back(
-      "UPDATE marble_jobs SET priority = least(greatest(priority, 0), 2), state = greatest(state, 0),"
-      " changed = pg_current_xact_id() WHERE state < 2 AND (state < 0 OR priority NOT BETWEEN 0 AND 2)");
-  append(all,
-         PgStatement(
-             "UPDATE marble_jobs SET state = 3, ended = clock_timestamp(),"
-             " changed = pg_current_xact_id()"
-             " WHERE state = 2 AND (ended IS NULL OR ended < clock_timestamp() - make_interval(secs => $1)"
-             " OR ended > clock_timestamp() + interval '1 day')")
-             .real(limits_.keep_s));
-  append(all, PgStatement("UPDATE marble_jobs SET state = 3, ended = clock_timestamp(),"
-                          " changed = pg_current_xact_id() WHERE number IN (SELECT number FROM ("
-                          "SELECT number, sum(answer_bytes) OVER (ORDER BY ended DESC, number DESC) AS upto"
-                          " FROM marble_jobs WHERE state = 2) kept WHERE upto > $1)")
-                  .number(limits_.answer_bytes));
-  all.emplace_back(
-      "DELETE FROM marble_answers USING marble_jobs j WHERE j.state = 3"
-      " AND marble_answers.number = j.number");
-  // Requests of jobs with a result use the space that results leave.
-  append(all,
-         PgStatement("DELETE FROM marble_requests USING (SELECT number,"
-                     " sum(bytes) OVER (ORDER BY ended DESC, number DESC) + sum(answer_bytes) OVER () AS upto"
-                     " FROM marble_jobs WHERE state = 2) kept"
-                     " WHERE marble_requests.number = kept.number AND upto > $1")
-             .number(limits_.keeps_requests ? limits_.answer_bytes : -1));
-  all.emplace_back(
-      "DELETE FROM marble_requests USING marble_jobs j WHERE j.state = 3 AND marble_requests.number = "
-      "j.number");
-  all.emplace_back(
-      "DELETE FROM marble_jobs WHERE state >= 3 AND ended < clock_timestamp() - interval '10 min'");
-  all.emplace_back(
-      "SELECT sum(pg_total_relation_size(c.oid))::bigint FROM pg_class c"
-      " WHERE c.relkind = 'r' AND c.relname LIKE 'marble\\_%'"
-      " AND pg_table_is_visible(c.oid)");
-  const auto cleaned = database_->run(all);
-  if (!cleaned) return unexpected(cleaned.error());
-  bytes_ = cleaned->back().integer(0, 0);
-  return {};
 }
 
 }  // namespace marble::server

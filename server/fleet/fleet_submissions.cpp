@@ -7,6 +7,7 @@
 
 #include "base/random_id.h"
 #include "base/status.h"
+#include "fleet/fleet_draft.h"
 #include "jobs/unix_time.h"
 #include "marble/convert.h"
 #include "process/fault_point.h"
@@ -20,8 +21,6 @@
 
 namespace marble::server {
 namespace {
-
-constexpr std::int64_t kLargestValue = 1'000'000'000;  // PostgreSQL's limit on a bytea: 1 GB minus a header
 
 // "HOST:PORT", or with an id of its own instead of an unspecified port.
 std::string name_of(const Config& config) {
@@ -100,6 +99,14 @@ Expected<std::unique_ptr<Submissions>> FleetSubmissions::begin(const ServicePart
 }
 
 void FleetSubmissions::close() {
+  std::vector<std::pair<std::string, std::string>> arrays;
+  {
+    const MutexLock lock(mutex_);
+    for (const auto& [id, job] : held_) {
+      if (job.elements.array != nullptr && !job.record->is_finished()) arrays.emplace_back(id, job.token);
+    }
+  }
+  for (const auto& [id, token] : arrays) left(id, token);  // those that nothing of ran here
   store_.close();
   mirror_.close();
 }
@@ -126,10 +133,7 @@ Expected<OnFinished> FleetSubmissions::submit(const Caller& caller, std::shared_
   v1::JobInfo info;
   to_message(record, &info);
   job->info = info.SerializeAsString();
-  // A name in a certificate may contain any bytes, which the store would refuse at each retry.
-  if (what.client.find('\0') != std::string::npos || utf8(what.client) != what.client)
-    return unexpected(
-        invalid("client", "must be named in UTF-8, without a zero byte, where others share its jobs"));
+  if (auto named = check_name(what.client); !named) return unexpected(named.error());
   return [this, job, response](const CompletionCallback& settled) {
     store_.add(job, [job, response, settled](const Expected<void>& made) {
       if (!made) return settled(unexpected(not_kept(made.error())));
@@ -154,6 +158,8 @@ Expected<OnFinished> FleetSubmissions::cancel(const Identity& caller, const std:
   // The result if the job still waits: no server runs it, so none writes one.
   const auto ended = parts_.board.make((*record)->description(), (*record)->options());
   Outcome outcome{.solution = unexpected(failure(ErrorCode::cancelled, "given up while the job waited"))};
+  const JobSnapshot snapshot = (*record)->snapshot();
+  if (snapshot.array) ended->set_array(*snapshot.array, snapshot.result_bytes);
   ended->finished(outcome.solution, 0.0, 0.0);
   StoredResult stored = result_of(*ended, outcome).stored;
   return [this, record = *record, response, stored = std::move(stored)](const CompletionCallback& settled) {
@@ -180,14 +186,15 @@ Expected<OnFinished> FleetSubmissions::remove(const Identity& caller, const std:
   };
 }
 
-// As many as can begin at once. If other jobs keep the workers busy, one more, which then waits with them
-// for its turn.
+// As many as can begin at once. If other jobs, or the elements of an array, keep the workers busy, one more,
+// which then waits with them for its turn.
 FleetTaker::Room FleetSubmissions::room() {
   if (parts_.scheduler.is_draining()) return {};
   const int free = parts_.scheduler.free_workers();
   const MutexLock lock(mutex_);
-  if (free >= 0)
-    return {free, std::ranges::none_of(held_, [](const auto& one) { return one.second.is_suspect; })};
+  const bool runs_arrays =
+      std::ranges::any_of(held_, [](const auto& one) { return one.second.elements.array != nullptr; });
+  if (free > 0 || (free == 0 && !runs_arrays)) return {free, !one_suspect_.is_taken()};
   const bool waits = std::ranges::any_of(
       held_, [](const auto& one) { return one.second.record->snapshot().state == JobState::queued; });
   return {waits ? 0 : 1, false};
@@ -220,16 +227,22 @@ std::vector<std::pair<std::string, std::string>> FleetSubmissions::held() {
 
 void FleetSubmissions::lost(const std::vector<std::string>& ids) {
   std::vector<std::shared_ptr<JobRecord>> records;
+  std::vector<std::shared_ptr<Array>> arrays;
   {
     const MutexLock lock(mutex_);
     for (const std::string& id : ids) {
       const auto job = held_.find(id);
       if (job == held_.end()) continue;
       job->second.is_lost = true;
-      records.push_back(job->second.record);
+      if (job->second.elements.array != nullptr) {
+        arrays.push_back(job->second.elements.array);
+      } else {
+        records.push_back(job->second.record);
+      }
     }
   }
   for (const auto& record : records) record->cancel();
+  for (const auto& array : arrays) array->abandon();
 }
 
 void FleetSubmissions::cancelled(const std::string& id) {
@@ -261,6 +274,10 @@ std::vector<LiveJob> FleetSubmissions::live() {
                    .rows = event.SerializeAsString(),
                    .info = whole.job().SerializeAsString(),
                    .job = whole.SerializeAsString()});
+    if (job.elements.array == nullptr) continue;
+    all.back().is_array = true;
+    all.back().request_bytes = job.elements.elements->request_bytes();
+    all.back().answer_bytes = job.elements.array->answer_bytes();
   }
   return all;
 }
@@ -271,21 +288,44 @@ void FleetSubmissions::took(std::vector<TakenJob> jobs) {
   for (TakenJob& job : jobs) {
     const std::string token = job.token;
     const double age_s = job.age_s;
+    const bool is_suspect = job.lost > 0 && job.lost < parts_.config.job_starts;
+    if (is_suspect && !one_suspect_.enter(room_)) {  // an element of an array was faster
+      store_.release(job.stored.id, token);
+      continue;
+    }
     std::shared_ptr<JobRecord> record;
     try {
-      record = hold(job);
-      take_in(std::move(job), record);
+      record = hold(job, is_suspect);
+      if (job.stored.elements) {
+        take_in_array(job, record);
+      } else {
+        take_in(std::move(job), record);
+      }
     } catch (const std::exception& error) {
       if (record != nullptr) end(record, token, age_s, failure(ErrorCode::internal, error.what()));
+      if (record == nullptr && is_suspect) one_suspect_.leave();
     }
   }
 }
 
 // The record of a running job is the one on the board, whether or not the mirror has already put it there.
-std::shared_ptr<JobRecord> FleetSubmissions::hold(const TakenJob& taken) {
+std::shared_ptr<JobRecord> FleetSubmissions::hold(const TakenJob& taken, bool is_suspect) {
   const StoredJob& stored = taken.stored;
   (void)parts_.results.expect(stored.id, stored.client);  // the mirror may not have read it yet
-  const MutexLock lock(mutex_);
+  bool was_suspect = false;                               // an earlier run, which will not report its end
+  std::shared_ptr<JobRecord> record;
+  {
+    const MutexLock lock(mutex_);
+    if (const auto earlier = held_.find(stored.id); earlier != held_.end())
+      was_suspect = earlier->second.is_suspect;
+    record = hold_locked(taken, is_suspect);
+  }
+  if (was_suspect) one_suspect_.leave();
+  return record;
+}
+
+std::shared_ptr<JobRecord> FleetSubmissions::hold_locked(const TakenJob& taken, bool is_suspect) {
+  const StoredJob& stored = taken.stored;
   auto record = parts_.board.find(stored.id);
   // An earlier run of the job on this server that was lost, and may not have ended yet, keeps its own
   // record.
@@ -303,7 +343,7 @@ std::shared_ptr<JobRecord> FleetSubmissions::hold(const TakenJob& taken) {
                       .record = record,
                       .begin = begin,
                       .cursor = begin,
-                      .is_suspect = taken.lost > 0};
+                      .is_suspect = is_suspect};
   return record;
 }
 
@@ -364,8 +404,15 @@ void FleetSubmissions::take_in(TakenJob taken, const std::shared_ptr<JobRecord>&
 }
 
 void FleetSubmissions::erase(const std::string& id, const std::string& token) {
-  const MutexLock lock(mutex_);
-  if (const auto job = held_.find(id); job != held_.end() && job->second.token == token) held_.erase(job);
+  Held erased;
+  {
+    const MutexLock lock(mutex_);
+    const auto job = held_.find(id);
+    if (job == held_.end() || job->second.token != token) return;
+    erased = std::move(job->second);
+    held_.erase(job);
+  }
+  if (erased.is_suspect) one_suspect_.leave();
 }
 
 // The result of a job that this server no longer holds is dropped: the current holder writes it.

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "fleet/fleet_arrays.h"
 #include "fleet/fleet_mirror.h"
 #include "fleet/fleet_store.h"
 #include "store/submissions.h"
@@ -32,6 +33,12 @@ class FleetSubmissions final : public Submissions, FleetTaker, FleetOwner {
                   std::function<void(Expected<AskedAndAnswered>)> then) override {
     mirror_.fetch_pair(id, std::move(then));
   }
+  [[nodiscard]] Expected<std::shared_ptr<ArrayDraft>> begin_array(const Caller& caller,
+                                                                  v1::ArraySetup setup) override;
+  void find_array(const std::string& id, std::function<void(Expected<FoundArray>)> then) override {
+    mirror_.find_array(id, std::move(then));
+  }
+  [[nodiscard]] bool is_array(const std::string& id) const override;
   [[nodiscard]] Expected<void> health() const override { return store_.health(); }
   [[nodiscard]] std::optional<StoreUsage> usage() const override { return store_.usage(); }
   [[nodiscard]] bool is_settled() const override { return store_.is_settled() && mirror_.is_settled(); }
@@ -46,8 +53,9 @@ class FleetSubmissions final : public Submissions, FleetTaker, FleetOwner {
     std::shared_ptr<JobRecord> record;
     std::int64_t begin = 0, cursor = 0;  // row numbers: before its first; last sent
     std::int64_t changes = 0;
-    bool is_lost = false;     // another server has it
-    bool is_suspect = false;  // a server died while running it
+    bool is_lost = false;      // another server has it
+    bool is_suspect = false;   // a server died while running it
+    FleetArray elements = {};  // of an array
   };
   class Keeper;
   class Waiter;
@@ -67,16 +75,23 @@ class FleetSubmissions final : public Submissions, FleetTaker, FleetOwner {
       ABSL_LOCKS_EXCLUDED(mutex_);
   void jobs_wait() override;
 
+  void take_in_array(const TakenJob& taken, const std::shared_ptr<JobRecord>& record)
+      ABSL_LOCKS_EXCLUDED(mutex_);
+  void left(const std::string& id, const std::string& token) ABSL_LOCKS_EXCLUDED(mutex_);
   void take_in(TakenJob taken, const std::shared_ptr<JobRecord>& record) ABSL_LOCKS_EXCLUDED(mutex_);
   void end(const std::shared_ptr<JobRecord>& record, const std::string& token, double age_s,
            const Error& error) ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] std::shared_ptr<JobRecord> hold(const TakenJob& taken) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] std::shared_ptr<JobRecord> hold(const TakenJob& taken, bool is_suspect)
+      ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] std::shared_ptr<JobRecord> hold_locked(const TakenJob& taken, bool is_suspect)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void ended(JobRecord& record, const std::string& token, Outcome outcome) ABSL_LOCKS_EXCLUDED(mutex_);
   void erase(const std::string& id, const std::string& token) ABSL_LOCKS_EXCLUDED(mutex_);
 
   const ServiceParts& parts_;
   const std::string server_;
   const std::shared_ptr<Waiter> room_;
+  OneSuspect one_suspect_;
   Mutex mutex_;  // taken before the board's and the records' locks
   std::map<std::string, Held> held_ ABSL_GUARDED_BY(mutex_);
   FleetMirror mirror_;

@@ -2,6 +2,7 @@
 
 #include <httplib.h>
 
+#include "http/array_routes.h"
 #include "http/bounded_server.h"
 #include "http/browser_guard.h"
 #include "http/endpoint.h"
@@ -97,6 +98,7 @@ HttpServer::HttpServer(const ServiceParts& parts, const std::string& address,
   http::add_health_routes(*router_, parts, listeners);
   http::add_job_routes(*router_, parts, *semaphore_);
   http::add_submission_routes(*router_, parts, *semaphore_);
+  http::add_array_routes(*router_, parts, *semaphore_);
   http::add_event_routes(*router_, parts, *events_);
   http::add_fleet_routes(*router_, parts);
   http::add_metrics_route(*router_, parts);

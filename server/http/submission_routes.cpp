@@ -1,11 +1,9 @@
 #include "http/submission_routes.h"
 
-#include <cstdlib>
 #include <future>
 #include <limits>
 #include <memory>
 #include <optional>
-#include <sstream>
 
 #include "base/wire.h"
 #include "http/bounded_server.h"
@@ -14,6 +12,7 @@
 #include "http/endpoint.h"
 #include "http/reply.h"
 #include "http/solve_request.h"
+#include "http/waiting.h"
 #include "service/admission.h"
 #include "service/job_access.h"
 #include "store/submissions.h"
@@ -28,8 +27,7 @@ constexpr std::int64_t kBytesOfAnswer = 4;
 
 constexpr std::int64_t kAllFields = std::numeric_limits<std::int64_t>::max() / 4;  // for its own messages
 
-constexpr std::chrono::milliseconds kLook{100};  // between checks whether the wait is still needed
-constexpr std::chrono::seconds kMoment{5};       // time in which a job that has ended gets its result
+constexpr std::chrono::seconds kMoment{5};  // time in which a job that has ended gets its result
 
 // Reads the text of a body, for an identified caller.
 Expected<std::string> read_body(const httplib::ContentReader& read, Semaphore& semaphore, std::size_t length,
@@ -106,44 +104,6 @@ httplib::Server::HandlerWithContentReader submitting(const ServiceParts& parts, 
   };
 }
 
-Expected<double> wait_of(const ServiceParts& parts, const httplib::Request& request) {
-  if (auto known = check_parameters(request, {"wait"}); !known) return unexpected(known.error());
-  if (!request.has_param("wait")) return 0.0;
-  const std::string text = request.get_param_value("wait");
-  const double most = parts.config.http_wait_s;
-  char* end = nullptr;
-  const double wait_s = std::strtod(text.c_str(), &end);
-  if (!text.empty() && *end == '\0' && wait_s >= 0.0 && wait_s <= most) return wait_s;
-  std::ostringstream rule;
-  rule << "must be a number in [0, " << most << "], of seconds";
-  return unexpected(invalid("wait", text, rule.str()));
-}
-
-/// A request that waits for a result counts as a watcher.
-class Waiting {
- public:
-  [[nodiscard]] static Expected<std::unique_ptr<Waiting>> begin(const ServiceParts& parts,
-                                                                Semaphore& semaphore,
-                                                                const std::string& client) {
-    if (auto entered = parts.feeds.enter(client, parts.access.quota_of(client).watchers); !entered)
-      return unexpected(entered.error());
-    auto waiting = std::unique_ptr<Waiting>(new Waiting(parts.feeds, client));
-    auto place = semaphore.stay();
-    if (!place) return unexpected(place.error());
-    waiting->place_.emplace(*std::move(place));
-    return waiting;
-  }
-  ~Waiting() { feeds_.leave(client_); }
-  Waiting(const Waiting&) = delete;
-  Waiting& operator=(const Waiting&) = delete;
-
- private:
-  Waiting(FeedLimit& feeds, const std::string& client) : feeds_(feeds), client_(client) {}
-  FeedLimit& feeds_;
-  const std::string client_;
-  std::optional<Semaphore::Permit> place_;
-};
-
 Error no_answer(const std::string& id) {
   return failure(ErrorCode::not_found, "job_id", id,
                  "is no submitted job, or its answer is not kept any more");
@@ -178,6 +138,7 @@ Answer answering(const ServiceParts& parts, Semaphore& semaphore) {
   return [&parts, &semaphore](const httplib::Request& request, const Identity& caller,
                               httplib::Response& response) -> Expected<void> {
     const std::string id = request.matches[1].str();
+    if (auto known = check_parameters(request, {"wait"}); !known) return known;
     const auto wait_s = wait_of(parts, request);
     if (!wait_s) return unexpected(wait_s.error());
     if (auto looked = look(parts, id); !looked) return looked;

@@ -48,6 +48,17 @@ bool ResultStore::grow(const std::string& id, std::int64_t bytes) {
   return true;
 }
 
+void ResultStore::release(Entry& entry) {
+  if (entry.result != nullptr) return;
+  growing_ -= entry.bytes;
+  bytes_ -= std::exchange(entry.bytes, 0);
+}
+
+void ResultStore::stop_growing(const std::string& id) {
+  const MutexLock lock(mutex_);
+  if (const auto found = entries_.find(id); found != entries_.end()) release(found->second);
+}
+
 void ResultStore::drop_oldest(std::vector<std::string>& erased) {
   while (bytes_ > limits_.bytes && !ages_.empty()) {
     erased.push_back(ages_.front().id);
@@ -162,6 +173,7 @@ void ResultStore::kept_elsewhere(const std::string& id) {
     const auto found = entries_.find(id);
     if (found == entries_.end()) return;
     found->second.elsewhere = true;
+    release(found->second);
     if (found->second.waiters.empty()) return;
   }
   fetch_(id);

@@ -69,6 +69,8 @@ class ResultStore {
   /// is no longer expected, or if arrays without their last result would take more than half of the total:
   /// what cannot be dropped must leave memory for new results.
   [[nodiscard]] bool grow(const std::string& id, std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// An expected array takes no memory any more: another server continues it.
+  void stop_growing(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
   /// The request of an expected job.
   struct Request {
     std::shared_ptr<const v1::SolveRequest> message;  ///< null if a store has it
@@ -114,6 +116,7 @@ class ResultStore {
     std::vector<std::pair<const void*, Callback>> waiters;
     bool elsewhere = false;
   };
+  void release(Entry& entry) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool erase(const std::string& id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void drop_request(Entry& entry) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void drop_oldest(std::vector<std::string>& erased) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

@@ -20,7 +20,7 @@ JobDescription description_of(const StoredJob& stored, std::string_view info) {
   if (!read_into(info, &message)) message.Clear();
   JobDescription what = description_of(message);
   what.id = stored.id;
-  what.kind = JobKind::submitted;
+  what.kind = stored.elements ? JobKind::array : JobKind::submitted;
   what.priority = priority_of(stored.priority);
   what.client = stored.client;
   if (!stored.request_id.empty()) what.request_id = stored.request_id;

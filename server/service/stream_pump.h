@@ -82,6 +82,17 @@ class StreamPump : public Reactor {
     }
     this->Finish(status);
   }
+  /// Notifies the client that the stream has begun; the call may have ended meanwhile.
+  void send_metadata() ABSL_LOCKS_EXCLUDED(mutex_) {
+    {
+      const MutexLock lock(mutex_);
+      if (finishing_) return;
+      ++starting_;
+    }
+    this->StartSendInitialMetadata();
+    const MutexLock lock(mutex_);
+    --starting_;
+  }
   /// Cancels a call whose client reads nothing; the call may have ended meanwhile.
   void cut(grpc::CallbackServerContext& context) ABSL_LOCKS_EXCLUDED(mutex_) {
     {
@@ -172,9 +183,9 @@ class StreamPump : public Reactor {
   grpc::ByteBuffer incoming_;  // the read in progress
   grpc::ByteBuffer outgoing_;  // the write in progress
   bool reading_ ABSL_GUARDED_BY(mutex_) = false;
-  // Number of reads, or ends, that are about to be requested from gRPC. One of our threads may do so while a
-  // gRPC thread reports that the client has disconnected. Finishing waits for them: after it, gRPC may free
-  // the call, and the request would use freed memory.
+  // Number of reads, metadata or ends that are about to be requested from gRPC. One of our threads may do so
+  // while a gRPC thread reports that the client has disconnected. Finishing waits for them: after it, gRPC
+  // may free the call, and the request would use freed memory.
   int starting_ ABSL_GUARDED_BY(mutex_) = 0;
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;
   bool read_all_ ABSL_GUARDED_BY(mutex_) = false;  // the client has closed its side

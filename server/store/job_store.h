@@ -41,6 +41,7 @@ struct StoredResult {
   std::string error = {};   ///< a google.rpc.Status if there is no result
   double finished_unix_s = 0.0;
   std::string info = {};  ///< a marble.v1.JobInfo: the job's without its trace, for lists of several servers
+  std::int64_t element_bytes = 0;             ///< only written: bytes of the results of an array's elements
   bool keeps_request = false;                 ///< the request stays with the result
   std::int64_t request_bytes = -1;            ///< only read: size of the request, if it is kept
   std::optional<std::int64_t> elements = {};  ///< only read: as in StoredJob
@@ -52,7 +53,7 @@ struct StoredResult {
 [[nodiscard]] StoredResult result_in(const Statement& row);
 
 /// Thread-safe. Changes are made in the order of the calls.
-class JobStore final : public ElementStore {
+class JobStore final : public ArrayStore {
  public:
   /// Opens the directory's file, or creates both. Errors: unavailable (no such directory, no permission to
   /// write, in use by another server, not a file of this kind, damaged, or of a later version).

@@ -13,8 +13,9 @@
 
 namespace marble::server {
 
-class Arrays;
+class ArrayDraft;
 struct Caller;
+struct FoundArray;
 
 /// What a call's response waits for, if it is not sent at once: calls back with the outcome. The response
 /// may be filled until then.
@@ -52,8 +53,14 @@ class Submissions {
   virtual void fetch_pair(const std::string& id, bool finished,
                           std::function<void(Expected<AskedAndAnswered>)> then) = 0;
 
-  /// Null if arrays are not supported.
-  [[nodiscard]] virtual Arrays* arrays() { return nullptr; }
+  /// Begins to receive an array. Error fields are paths from the set-up's root. Errors: those of admission;
+  /// unavailable (draining, or the store cannot write).
+  [[nodiscard]] virtual Expected<std::shared_ptr<ArrayDraft>> begin_array(const Caller& caller,
+                                                                          v1::ArraySetup setup) = 0;
+  /// Calls back with the array, for one reader. Errors: not_found, unavailable.
+  virtual void find_array(const std::string& id, std::function<void(Expected<FoundArray>)> then) = 0;
+  /// True if the job is known to be an array.
+  [[nodiscard]] virtual bool is_array(const std::string& id) const = 0;
 
   /// The error if nothing can be written.
   [[nodiscard]] virtual Expected<void> health() const = 0;

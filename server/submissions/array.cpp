@@ -17,13 +17,11 @@ namespace marble::server {
 namespace {
 
 constexpr std::size_t kAhead = 2;               // elements in the queue besides those that run
-constexpr std::int64_t kAnswerBytes = 128;      // memory of a result besides its message
+constexpr std::int64_t kAnswerOverhead = 128;   // memory of a result besides its message
 constexpr std::int64_t kNewestBytes = 1 << 20;  // bytes of the newest results that stay in memory
 constexpr std::size_t kNewest = 64;             // number of them
-
-Error deleted(const std::string& id) {
-  return failure(ErrorCode::not_found, "job_id", id, "was deleted, and its answers with it");
-}
+constexpr double kClaimedAhead = 0.05;          // seconds of work that is claimed before it can begin
+constexpr double kMostClaimedAhead = 64.0;      // and elements
 
 Error no_room(const std::string& id) {
   return failure(
@@ -71,7 +69,9 @@ class Array::Keeper final : public JobObserver {
 
 Array::Array(const ServiceParts& parts, ElementStore& store, OneSuspect& suspects, ArrayStart start)
     : parts_(parts),
-      store_(store),
+      own_store_(std::move(start.store)),
+      store_(own_store_ != nullptr ? *own_store_ : store),
+      left_(std::move(start.left)),
       one_suspect_(suspects),
       record_(std::move(start.record)),
       setup_(std::move(start.setup)),
@@ -80,6 +80,8 @@ Array::Array(const ServiceParts& parts, ElementStore& store, OneSuspect& suspect
       counts_(start.counts),
       last_sequence_(start.last_sequence),
       answer_bytes_(start.answer_bytes),
+      more_(store_.is_shared()),
+      more_suspects_(store_.is_shared()),
       end_(std::move(start.end)),
       stage_(start.is_over ? Stage::over : Stage::open) {
   for (const OpenElement& element : start.open) (element.lost > 0 ? suspects_ : waiting_).push_back(element);
@@ -96,20 +98,25 @@ void Array::start() {
   end_if_over();
 }
 
-// Elements during which too many servers died end without another start.
 void Array::set_aside_lost() {
   std::vector<OpenElement> aside;
   {
     const MutexLock lock(mutex_);
     if (end_) return;
-    const auto first = std::stable_partition(suspects_.begin(), suspects_.end(), [&](const OpenElement& one) {
-      return one.lost < parts_.config.job_starts;
-    });
+    const auto first = std::stable_partition(suspects_.begin(), suspects_.end(),
+                                             [&](const OpenElement& one) { return !is_lost(one.lost); });
     aside.assign(first, suspects_.end());
     suspects_.erase(first, suspects_.end());
     unsettled_ += static_cast<int>(aside.size());
   }
-  for (const OpenElement& element : aside) {
+  set_aside(aside);
+}
+
+bool Array::is_lost(std::int64_t lost) const { return lost > 0 && lost >= parts_.config.job_starts; }
+
+// Elements during which too many servers died end without another start; they count as unsettled.
+void Array::set_aside(const std::vector<OpenElement>& elements) {
+  for (const OpenElement& element : elements) {
     const auto starts = static_cast<int>(element.lost);
     const JobDescription& what = description();
     log_set_aside(
@@ -122,9 +129,10 @@ void Array::set_aside_lost() {
 
 std::shared_ptr<Array::Run> Array::next() {
   const MutexLock lock(mutex_);
-  if (end_ || stage_ != Stage::open || running_.size() >= most_running_) return nullptr;
+  if (end_ || abandoned_ || stage_ != Stage::open || running_.size() >= most_running_) return nullptr;
   std::deque<OpenElement>* from = &waiting_;
-  if (!suspects_.empty() && one_suspect_.enter(weak_from_this())) from = &suspects_;
+  // One that was claimed has entered already.
+  if (!suspects_.empty() && (store_.is_shared() || one_suspect_.enter(weak_from_this()))) from = &suspects_;
   if (from->empty()) return nullptr;
   const auto run = std::make_shared<Run>(Run{from->front().index, from->front().lost, nullptr, 0});
   from->pop_front();
@@ -148,17 +156,71 @@ void Array::feed() {
     bool is_late = false;
     {
       const MutexLock lock(mutex_);
-      is_late = end_.has_value();
+      is_late = end_.has_value() || abandoned_;
     }
     if (is_late) parts_.scheduler.cancel(job);
   }
+  if (store_.is_shared()) claim();
+}
+
+// Claims as many elements as can begin now, more if they are short, and one suspect if none runs here. An
+// element that is claimed when this server dies counts as one that ran.
+void Array::claim() {
+  bool suspect = false;
+  std::int64_t most = 0;
+  {
+    const MutexLock lock(mutex_);
+    if (end_ || stage_ != Stage::open || claiming_ || abandoned_ || parts_.scheduler.is_closed()) return;
+    const int workers = parts_.scheduler.limits().workers;
+    most = workers - static_cast<std::int64_t>(running_.size() + waiting_.size());
+    if (mean_s_)
+      most += static_cast<std::int64_t>(std::min(workers * kClaimedAhead / *mean_s_, kMostClaimedAhead));
+    suspect = more_suspects_ && suspects_.empty() && one_suspect_.enter(weak_from_this());
+    if (!suspect && (!more_ || most <= 0)) return;
+    claiming_ = true;
+  }
+  store_.claim(suspect, most,
+               [self = shared_from_this(), suspect](const Expected<std::vector<ClaimedElement>>& elements) {
+                 self->claimed(suspect, elements);
+               });
+}
+
+void Array::claimed(bool suspect, const Expected<std::vector<ClaimedElement>>& elements) {
+  std::vector<OpenElement> aside;
+  bool entered = suspect;
+  {
+    const MutexLock lock(mutex_);
+    claiming_ = false;
+    if (elements && elements->empty()) (suspect ? more_suspects_ : more_) = false;
+    if (elements && stage_ == Stage::open) {
+      for (const ClaimedElement& element : *elements) {
+        if (place_ != nullptr && element.request)
+          (void)place_->add_bytes(static_cast<std::int64_t>(element.request->size()));
+        if (is_lost(element.lost)) {
+          aside.push_back({element.index, element.lost});
+        } else {
+          (suspect ? suspects_ : waiting_).push_back({element.index, element.lost});
+          entered = false;
+        }
+      }
+      unsettled_ += static_cast<int>(aside.size());
+    }
+  }
+  if (entered) one_suspect_.leave();
+  set_aside(aside);
+  feed();
+  end_if_over();
 }
 
 void Array::put_back(const Run& run) {
   {
     const MutexLock lock(mutex_);
     running_.erase(run.index);
-    (run.lost > 0 ? suspects_ : waiting_).push_front({run.index, run.lost});
+    if (store_.is_shared()) {
+      more_ = true;  // for the next server that claims it
+    } else {
+      (run.lost > 0 ? suspects_ : waiting_).push_front({run.index, run.lost});
+    }
   }
   end_if_over();
 }
@@ -220,11 +282,20 @@ Expected<Solution> Array::solve(Run& run, const std::weak_ptr<Job>& job, const S
 
 void Array::ended(const Run& run, const Outcome& outcome) {
   if (outcome.interrupted && store_.is_durable()) return put_back(run);
+  bool abandoned = false;
+  {
+    const MutexLock lock(mutex_);
+    abandoned = abandoned_;
+    if (abandoned) running_.erase(run.index);
+  }
+  if (abandoned) return end_if_over();
   ElementAnswer answer = answer_of(run, outcome);
   {
     const MutexLock lock(mutex_);
     if (place_ != nullptr) place_->remove_bytes(run.bytes);
     running_.erase(run.index);
+    const double run_s = std::max(outcome.total_s - outcome.queue_s, 1e-4);
+    mean_s_ = mean_s_ ? 0.8 * *mean_s_ + 0.2 * run_s : run_s;
     ++unsettled_;
   }
   keep(std::move(answer));
@@ -260,22 +331,24 @@ ElementAnswer Array::error_of(std::int64_t index, const Error& error) const {
 // Keeps one result of `unsettled_`. If there is no memory for it, or the store does not accept its size, an
 // error is kept instead.
 void Array::keep(ElementAnswer answer) {
-  const auto size = static_cast<std::int64_t>(answer.message.size()) + kAnswerBytes;
+  const auto size = static_cast<std::int64_t>(answer.message.size()) + kAnswerOverhead;
   if (!parts_.results.grow(description().id, size) && answer.end != ElementEnd::failed) {
     answer = error_of(answer.index, no_room(element_id(description().id, answer.index)));
     give_up(no_room(description().id));
   }
   fault_point("before_answer");
   ElementAnswer given = answer;
-  store_.answer_element(
-      std::move(given), [self = shared_from_this(), answer = std::move(answer)](const Expected<void>& made) {
-        if (made) return self->kept(answer);
-        if (made.error().code == ErrorCode::resource_exhausted)
-          return self->keep(self->error_of(answer.index, made.error()));
-        const MutexLock lock(self->mutex_);  // the store is closed: the element runs again after the restart
-        --self->unsettled_;
-        self->waiting_.push_back({answer.index, 0});
-      });
+  store_.answer_element(std::move(given), [self = shared_from_this(),
+                                           answer = std::move(answer)](const Expected<void>& made) {
+    if (made) return self->kept(answer);
+    if (made.error().code == ErrorCode::resource_exhausted)
+      return self->keep(self->error_of(answer.index, made.error()));
+    {
+      const MutexLock lock(self->mutex_);  // the store is closed: the element runs again after the restart
+      --self->unsettled_;
+      self->waiting_.push_back({answer.index, 0});
+    }
+  });
 }
 
 void Array::kept(const ElementAnswer& answer) {
@@ -290,7 +363,8 @@ void Array::kept(const ElementAnswer& answer) {
     const auto bytes = static_cast<std::int64_t>(answer.message.size());
     answer_bytes_ += bytes;
     ++last_sequence_;
-    if (store_.is_durable()) {  // a durable store reports them in the order of their numbers
+    // A durable store reports them in the order of their numbers.
+    if (store_.is_durable() && !store_.is_shared()) {
       newest_.push_back(answer);
       newest_.back().sequence = last_sequence_;
       newest_bytes_ += bytes;
@@ -316,16 +390,25 @@ void Array::forgotten() {
     is_gone_ = true;
     newest_.clear();
   }
-  give_up(deleted(description().id));
+  give_up(array_deleted(description().id));
   report();
 }
 
-void Array::give_up(const Error& reason) {
+void Array::give_up(const Error& reason) { stop(reason); }
+
+void Array::abandon() { stop(std::nullopt); }
+
+// Without a reason, it is abandoned.
+void Array::stop(const std::optional<Error>& reason) {
   std::vector<std::shared_ptr<Job>> jobs;
   {
     const MutexLock lock(mutex_);
-    if (end_ || stage_ != Stage::open) return;
-    end_ = reason;
+    if (stage_ != Stage::open || (reason && end_)) return;
+    if (reason) {
+      end_ = reason;
+    } else {
+      abandoned_ = true;
+    }
     for (const auto& [index, job] : running_) {
       if (job != nullptr) jobs.push_back(job);
     }
@@ -334,17 +417,48 @@ void Array::give_up(const Error& reason) {
   end_if_over();
 }
 
+bool Array::waits() const {
+  if (store_.is_shared() && counts_.done >= counts_.elements) return false;
+  return more_ || more_suspects_ || claiming_ || !waiting_.empty() || !suspects_.empty();
+}
+
 void Array::end_if_over() {
   std::optional<Error> reason;
+  bool leaves = false;
   {
     const MutexLock lock(mutex_);
-    const bool waits = !end_ && (!waiting_.empty() || !suspects_.empty());
-    if (stage_ != Stage::open || waits || !running_.empty() || unsettled_ > 0) return;
-    stage_ = Stage::ending;
-    if (!waiting_.empty() || !suspects_.empty()) reason = end_;
+    if (stage_ != Stage::open || !running_.empty() || unsettled_ > 0) return;
+    leaves =
+        abandoned_ || (!end_ && store_.is_shared() && waits() && !claiming_ && parts_.scheduler.is_closed());
+    if (!leaves && !end_ && waits()) return;
+    stage_ = leaves ? Stage::over : Stage::ending;
+    if (waits()) reason = end_;
     end_ = reason;  // a reason after the last element changes nothing
   }
+  if (leaves) return leave();
   end(reason);
+}
+
+// Another server continues it.
+void Array::leave() {
+  release();
+  if (left_) left_();
+}
+
+// Nothing runs any more.
+void Array::release() {
+  std::shared_ptr<Scheduler::Place> place;  // its end notifies others
+  bool unused = false;                      // a suspect was claimed, and does not run
+  {
+    const MutexLock lock(mutex_);
+    place.swap(place_);
+    setup_ = nullptr;
+    unused = store_.is_shared() && !suspects_.empty();
+    waiting_.clear();
+    suspects_.clear();
+  }
+  place = nullptr;
+  if (unused) one_suspect_.leave();
 }
 
 void Array::end(const std::optional<Error>& reason) {
@@ -353,16 +467,8 @@ void Array::end(const std::optional<Error>& reason) {
   record_->array_ended(reason, std::max(0.0, std::chrono::duration<double>(age).count()));
   parts_.board.finish(record_);
   log_array_end(parts_.log, *record_, reason);
-  std::shared_ptr<Scheduler::Place> place;  // its end notifies others
-  {
-    const MutexLock lock(mutex_);
-    place.swap(place_);
-    setup_ = nullptr;  // nothing runs any more
-    waiting_.clear();
-    suspects_.clear();
-  }
-  place = nullptr;
-  StoredResult stored{.id = what.id};
+  release();
+  StoredResult stored{.id = what.id, .element_bytes = answer_bytes()};
   v1::GetJobResponse job;
   to_message(*record_, &job);
   stored.job = job.SerializeAsString();
@@ -370,58 +476,17 @@ void Array::end(const std::optional<Error>& reason) {
   stored.finished_unix_s = job.job().finished_unix_s();
   if (reason) stored.error = to_message(*reason).SerializeAsString();
   store_.finish(std::move(stored), [self = shared_from_this()](const Expected<void>& /*made*/) {
-    self->parts_.results.put(self->description().id, no_single_answer(self->description().id), Clock::now());
+    if (!self->store_.is_shared())
+      self->parts_.results.put(self->description().id, no_single_answer(self->description().id),
+                               Clock::now());
     {
       const MutexLock lock(self->mutex_);
       self->stage_ = Stage::over;
       self->newest_.clear();
     }
     self->report();
+    if (self->left_) self->left_();
   });
-}
-
-Expected<Array::News> Array::news_after(std::int64_t sequence, std::int64_t most_bytes) {
-  News news;
-  {
-    const MutexLock lock(mutex_);
-    if (is_gone_) return unexpected(deleted(description().id));
-    news.is_over = stage_ == Stage::over && sequence >= last_sequence_;
-    if (news.is_over) news.end = end_;
-    if (sequence >= last_sequence_) return news;
-    if (!newest_.empty() && newest_.front().sequence <= sequence + 1) {
-      const auto first = newest_.begin() + (sequence + 1 - newest_.front().sequence);
-      news.answers.assign(first, newest_.end());
-      return news;
-    }
-  }
-  auto answers = store_.answers_after(description().id, sequence, most_bytes);
-  if (!answers) return unexpected(answers.error());
-  news.answers = std::move(*answers);
-  if (news.answers.empty())
-    return unexpected(failure(ErrorCode::internal, "an answer of the array cannot be read any more"));
-  return news;
-}
-
-std::int64_t Array::elements() const {
-  const MutexLock lock(mutex_);
-  return counts_.elements;
-}
-
-void Array::listen(const std::weak_ptr<ArrayListener>& listener) {
-  const MutexLock lock(mutex_);
-  std::erase_if(listeners_, [](const auto& one) { return one.expired(); });
-  listeners_.push_back(listener);
-}
-
-void Array::report() {
-  std::vector<std::shared_ptr<ArrayListener>> all;
-  {
-    const MutexLock lock(mutex_);
-    for (const auto& weak : listeners_) {
-      if (auto listener = weak.lock()) all.push_back(std::move(listener));
-    }
-  }
-  for (const auto& listener : all) listener->news();
 }
 
 }  // namespace marble::server

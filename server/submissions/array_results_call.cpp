@@ -5,9 +5,9 @@
 
 #include "base/status.h"
 #include "base/wire.h"
+#include "service/admission.h"
 #include "service/job_access.h"
 #include "store/submissions.h"
-#include "submissions/arrays.h"
 
 namespace marble::server {
 namespace {
@@ -16,16 +16,12 @@ constexpr std::int64_t kPageBytes = 1 << 20;
 
 // The message, after the field that it lacks: concatenated encodings are one message.
 grpc::ByteBuffer reported(const ElementAnswer& answer) {
+  v1::ArrayResultsResponse rest;
+  if (!rest.ParseFromString(answer.message) ||
+      rest.outcome_case() == v1::ArrayResultsResponse::OUTCOME_NOT_SET)
+    return serialize(message_of(answer));
   v1::ArrayResultsResponse first;
   first.set_sequence(answer.sequence);
-  v1::ArrayResultsResponse rest;
-  // A row of the store may contain anything.
-  if (!rest.ParseFromString(answer.message) ||
-      rest.outcome_case() == v1::ArrayResultsResponse::OUTCOME_NOT_SET) {
-    first.set_index(answer.index);
-    *first.mutable_error() = to_message(failure(ErrorCode::internal, "the stored answer cannot be read"));
-    return serialize(first);
-  }
   const std::string sequence = first.SerializeAsString();
   const std::array slices = {grpc::Slice(sequence), grpc::Slice(answer.message)};
   return grpc::ByteBuffer(slices.data(), slices.size());
@@ -38,18 +34,8 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* ArrayResultsCall::begin(const Servic
                                                                     const grpc::ByteBuffer* request) {
   const std::shared_ptr<ArrayResultsCall> call(new ArrayResultsCall(parts));
   call->self_ = call;
-  if (const auto started = call->start(context, request); !started) {
+  if (const auto started = call->start(context, request); !started)
     call->end_at_once(to_status(started.error(), parts.scheduler.retry_delay_s()));
-    return call.get();
-  }
-  if (call->array_ == nullptr) {
-    call->end_at_once(no_arrays());
-    return call.get();
-  }
-  call->StartSendInitialMetadata();
-  call->array_->listen(call);
-  parts.timer.add(call);
-  call->go_on();
   return call.get();
 }
 
@@ -60,27 +46,40 @@ ArrayResultsCall::~ArrayResultsCall() {
 Expected<void> ArrayResultsCall::start(grpc::CallbackServerContext& context,
                                        const grpc::ByteBuffer* request) {
   Origin origin = origin_of(context);
-  const auto caller = identify(parts_, context, origin);
+  auto caller = identify(parts_, context, origin);
   if (!caller) return unexpected(caller.error());
   v1::ArrayResultsRequest message;
   if (auto parsed = parse(request, &message); !parsed) return parsed;
-  if (parts_.submissions->arrays() == nullptr) return {};
-  auto array = parts_.submissions->arrays()->find(message.job_id());
-  if (array == nullptr || !may_end(*caller, array->description().client)) {
-    return unexpected(failure(ErrorCode::not_found, "job_id", message.job_id(),
-                              "is no array, or its answers are not kept any more"));
-  }
-  const std::int64_t last = array->elements();
-  if (message.after() < 0 || message.after() > last) {
+  const auto self = self_;  // gRPC may be done with the call before this returns
+  parts_.timer.add(self);
+  parts_.submissions->find_array(
+      message.job_id(), [self, message, caller = std::move(*caller)](const Expected<FoundArray>& found) {
+        const auto opened = found ? self->open(caller, message, *found) : unexpected(found.error());
+        if (opened) return self->go_on();
+        {
+          const MutexLock lock(self->mutex_);
+          self->end_ = to_status(opened.error(), self->parts_.scheduler.retry_delay_s());
+        }
+        self->go_on();
+      });
+  return {};
+}
+
+Expected<void> ArrayResultsCall::open(const Identity& caller, const v1::ArrayResultsRequest& message,
+                                      const FoundArray& found) {
+  if (!may_end(caller, found.client)) return unexpected(no_array(message.job_id()));
+  if (message.after() < 0 || message.after() > found.elements) {
     return unexpected(invalid("after", std::to_string(message.after()),
-                              "must be in [0, " + std::to_string(last) + "], the elements"));
+                              "must be in [0, " + std::to_string(found.elements) + "], the elements"));
   }
-  if (auto entered = parts_.feeds.enter(caller->client, parts_.access.quota_of(caller->client).watchers);
+  if (auto entered = parts_.feeds.enter(caller.client, parts_.access.quota_of(caller.client).watchers);
       !entered)
     return entered;
-  client_ = caller->client;
-  array_ = std::move(array);
+  client_ = caller.client;
+  send_metadata();
+  found.results->listen(weak_from_this());
   const MutexLock lock(mutex_);
+  array_ = found.results;
   read_ = message.after();
   return {};
 }
@@ -88,14 +87,16 @@ Expected<void> ArrayResultsCall::start(grpc::CallbackServerContext& context,
 // Reads on, one thread at a time, when everything read so far is sent.
 bool ArrayResultsCall::work() {
   std::int64_t from = 0;
+  std::shared_ptr<ArraySource> array;
   {
     const MutexLock lock(mutex_);
     again_ = again_ || reading_;
-    if (reading_ || end_ || broken() || finishing() || !page_.empty()) return false;
+    if (array_ == nullptr || reading_ || end_ || broken() || finishing() || !page_.empty()) return false;
     reading_ = true;
     from = read_;
+    array = array_;
   }
-  auto news = array_->news_after(from, kPageBytes);
+  auto news = array->news_after(from, kPageBytes);
   const MutexLock lock(mutex_);
   reading_ = false;
   const bool again = std::exchange(again_, false);

@@ -32,7 +32,7 @@ Arrays::Arrays(const ServiceParts& parts, JobStore* store)
     : parts_(parts),
       on_disk_(store),
       in_memory_(store == nullptr ? std::make_unique<MemoryElements>() : nullptr),
-      elements_(store == nullptr ? *in_memory_ : *static_cast<ElementStore*>(store)) {}
+      elements_(store == nullptr ? *in_memory_ : *static_cast<ArrayStore*>(store)) {}
 
 Expected<std::shared_ptr<ArrayDraft>> Arrays::begin(const Caller& caller, v1::ArraySetup setup) {
   if (auto well = parts_.submissions->health(); !well) return unexpected(Submissions::not_kept(well.error()));
@@ -52,10 +52,7 @@ Expected<std::shared_ptr<ArrayDraft>> Arrays::begin(const Caller& caller, v1::Ar
   } else if (parts_.scheduler.is_closed()) {
     return unexpected(draining());
   }
-  const auto draft =
-      std::make_shared<ArrayDraft>(*this, caller, std::move(*checked), std::move(place), bytes);
-  draft->open(bytes);
-  return draft;
+  return LocalArrayDraft::make(*this, caller, std::move(*checked), std::move(place), bytes);
 }
 
 std::shared_ptr<Array> Arrays::find(const std::string& id) const {

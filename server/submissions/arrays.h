@@ -6,12 +6,9 @@
 #include <string>
 
 #include "submissions/array.h"
-#include "submissions/array_draft.h"
+#include "submissions/local_array_draft.h"
 
 namespace marble::server {
-
-/// Returns the status of a call about arrays where arrays are not supported.
-[[nodiscard]] grpc::Status no_arrays();
 
 /// Thread-safe.
 class Arrays final : public std::enable_shared_from_this<Arrays> {
@@ -38,7 +35,7 @@ class Arrays final : public std::enable_shared_from_this<Arrays> {
   [[nodiscard]] OneSuspect& one_suspect() { return one_suspect_; }
 
  private:
-  friend class ArrayDraft;
+  friend class LocalArrayDraft;
   Arrays(const ServiceParts& parts, JobStore* store);
   void run(ArrayStart start) ABSL_LOCKS_EXCLUDED(mutex_);
   /// False if most of them are missing, or have numbers that were never assigned.
@@ -47,8 +44,8 @@ class Arrays final : public std::enable_shared_from_this<Arrays> {
 
   const ServiceParts& parts_;
   JobStore* const on_disk_;
-  const std::unique_ptr<ElementStore> in_memory_;
-  ElementStore& elements_;
+  const std::unique_ptr<ArrayStore> in_memory_;
+  ArrayStore& elements_;
   OneSuspect one_suspect_;
   mutable Mutex mutex_;
   std::map<std::string, std::shared_ptr<Array>> arrays_ ABSL_GUARDED_BY(mutex_);

@@ -126,6 +126,12 @@ void LocalSubmissions::fetch_pair(const std::string& id, bool finished,
   });
 }
 
+void LocalSubmissions::find_array(const std::string& id, std::function<void(Expected<FoundArray>)> then) {
+  const auto array = arrays_->find(id);
+  if (array == nullptr) return then(unexpected(no_array(id)));
+  then(FoundArray{array, array->description().client, array->elements()});
+}
+
 Expected<void> LocalSubmissions::health() const {
   return store_ != nullptr ? store_->health() : Expected<void>();
 }

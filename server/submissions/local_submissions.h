@@ -28,7 +28,12 @@ class LocalSubmissions final : public Submissions {
   void look(const std::string& /*id*/, CompletionCallback then) override { then({}); }
   void fetch_pair(const std::string& id, bool finished,
                   std::function<void(Expected<AskedAndAnswered>)> then) override;
-  [[nodiscard]] Arrays* arrays() override { return arrays_.get(); }
+  [[nodiscard]] Expected<std::shared_ptr<ArrayDraft>> begin_array(const Caller& caller,
+                                                                  v1::ArraySetup setup) override {
+    return arrays_->begin(caller, std::move(setup));
+  }
+  void find_array(const std::string& id, std::function<void(Expected<FoundArray>)> then) override;
+  [[nodiscard]] bool is_array(const std::string& id) const override { return arrays_->find(id) != nullptr; }
   [[nodiscard]] Expected<void> health() const override;
   [[nodiscard]] std::optional<StoreUsage> usage() const override;
   void close() override {

@@ -9,7 +9,7 @@
 namespace marble::server {
 
 /// Every change is done at once. Thread-safe.
-class MemoryElements final : public ElementStore {
+class MemoryElements final : public ArrayStore {
  public:
   void open_array(StoredJob array, CompletionCallback settled) override ABSL_LOCKS_EXCLUDED(mutex_);
   void add_element(StoredElement element, CompletionCallback settled) override ABSL_LOCKS_EXCLUDED(mutex_);

@@ -24,6 +24,11 @@ class OneSuspect {
     if (std::ranges::none_of(waiters_, same)) waiters_.push_back(std::move(waiter));
     return false;
   }
+  /// True if one runs.
+  [[nodiscard]] bool is_taken() ABSL_LOCKS_EXCLUDED(mutex_) {
+    const MutexLock lock(mutex_);
+    return runs_;
+  }
   void leave() ABSL_LOCKS_EXCLUDED(mutex_) {
     std::vector<std::weak_ptr<RoomWaiter>> waiters;
     {

@@ -4,7 +4,7 @@
 
 #include "base/status.h"
 #include "base/wire.h"
-#include "submissions/arrays.h"
+#include "store/submissions.h"
 
 namespace marble::server {
 
@@ -16,10 +16,6 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SubmitArrayCall::be
   auto caller = caller_of(parts, context, origin, Role::solve);
   if (!caller) {
     call->end_at_once(refused(parts, origin, caller.error()));
-    return call.get();
-  }
-  if (parts.submissions->arrays() == nullptr) {
-    call->end_at_once(no_arrays());
     return call.get();
   }
   call->caller_ = std::move(*caller);
@@ -62,7 +58,7 @@ Expected<void> SubmitArrayCall::take(grpc::ByteBuffer* message) {
 
 Expected<void> SubmitArrayCall::set_up(v1::ArraySetup setup) {
   caller_.origin.request_id = setup.request_id();
-  auto begun = parts_.submissions->arrays()->begin(caller_, std::move(setup));
+  auto begun = parts_.submissions->begin_array(caller_, std::move(setup));
   if (!begun) return unexpected(inside("setup", begun.error()));
   const MutexLock lock(mutex_);
   draft_ = std::move(*begun);
@@ -124,11 +120,6 @@ std::optional<grpc::Status> SubmitArrayCall::ending() {
   if (answered_) return grpc::Status::OK;
   if (broken()) return to_status(failure(ErrorCode::cancelled, "the client gave up"));
   return std::nullopt;
-}
-
-grpc::Status no_arrays() {
-  return {grpc::StatusCode::UNIMPLEMENTED,
-          "servers that share a store (the setting state) take no arrays yet: send a batch, or submit jobs"};
 }
 
 }  // namespace marble::server

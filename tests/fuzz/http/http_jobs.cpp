@@ -98,6 +98,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (const char* line : {"GET /api/jobs?state=finished&limit=1", "GET /metrics", "GET /api/info",
                              "GET /api/events", "GET /healthz"})
       FUZZ_EXPECT(is(port.answer(request_of(line)), "200"));
+    FUZZ_EXPECT(is(port.answer(request_of("GET " + job + "/results?after=1")), "404"));  // no array
     for (const char* part : {"", "/trace.csv", "/bundle", "/events"}) {
       FUZZ_EXPECT(is(port.answer(request_of("GET " + job + part)), "200"));
     }

@@ -19,13 +19,15 @@
 #include "service/admission.h"
 #include "service/job_message.h"
 #include "service/stored_job.h"
+#include "submissions/array_setup.h"
 
 namespace {
 
 using namespace marble;
 using namespace marble::server;
 
-constexpr int kColumns = 14;  // of the longest row
+constexpr int kColumns = 14;
+constexpr int kLongestRow = 15;  // the last column repeats an earlier one
 using Columns = std::array<std::string_view, kColumns>;
 
 // Each begins with its length in two bytes; the last holds the rest.
@@ -77,13 +79,13 @@ Statement row_of_sqlite(const Columns& columns, std::uint32_t types) {
 }
 
 PgRows row_of_postgres(const Columns& columns) {
-  std::array<std::string, kColumns> names;
-  std::array<PGresAttDesc, kColumns> attributes = {};
-  for (std::size_t at = 0; at < kColumns; ++at) attributes[at].name = names[at].data();
+  std::array<std::string, kLongestRow> names;
+  std::array<PGresAttDesc, kLongestRow> attributes = {};
+  for (std::size_t at = 0; at < kLongestRow; ++at) attributes[at].name = names[at].data();
   PGresult* const result = PQmakeEmptyPGresult(nullptr, PGRES_TUPLES_OK);
-  FUZZ_EXPECT(PQsetResultAttrs(result, kColumns, attributes.data()) == 1);
-  for (std::size_t at = 0; at < kColumns; ++at) {
-    std::string column(columns[at]);
+  FUZZ_EXPECT(PQsetResultAttrs(result, kLongestRow, attributes.data()) == 1);
+  for (std::size_t at = 0; at < kLongestRow; ++at) {
+    std::string column(columns[at < kColumns ? at : 0]);
     FUZZ_EXPECT(PQsetvalue(result, 0, static_cast<int>(at), column.data(), static_cast<int>(column.size())) ==
                 1);
   }
@@ -101,7 +103,8 @@ void expect_shown(const JobRecord& record) {
 // As Recovery and FleetSubmissions do.
 void take(const ServiceParts& parts, const StoredJob& stored, std::string_view info, int lost) {
   JobDescription what = description_of(stored, info);
-  FUZZ_EXPECT(what.id == stored.id && what.client == stored.client && what.kind == JobKind::submitted);
+  FUZZ_EXPECT(what.id == stored.id && what.client == stored.client);
+  FUZZ_EXPECT(what.kind == (stored.elements ? JobKind::array : JobKind::submitted));
   what.trace = parse_traceparent(stored.traceparent, "0123456789abcdef");
   const auto record = parts.board.make(std::move(what), Options());
   JobSnapshot snapshot = stored_snapshot(info);
@@ -132,6 +135,39 @@ void answer(const ServiceParts& parts, const StoredResult& stored) {
     return;
   }
   FUZZ_EXPECT(v1::SolveResponse().ParseFromString(stored.answer));
+}
+
+// An array's set-up, and one of its elements.
+void take_array(const ServiceParts& parts, const std::string& setup, const std::string& element) {
+  v1::ArraySetup message;
+  v1::ArrayElement one;
+  if (!message.ParseFromString(setup) || !one.ParseFromString(element)) return;
+  const Caller caller{.identity = {.client = "array", .roles = {}},
+                      .origin = {.peer = "", .client = "array", .request_id = ""}};
+  const auto checked = ArraySetup::check(parts, caller, message);
+  if (!checked) {
+    FUZZ_EXPECT(!checked.error().message().empty());
+    return;
+  }
+  expect_shown(*(*checked)->record());
+  if (const auto request = (*checked)->request(std::move(one)); !request)
+    FUZZ_EXPECT(!of_element(0, request.error()).message().empty());
+}
+
+// The rows of an array in PostgreSQL.
+void read_elements(const ServiceParts& parts, const PgRows& row, std::string_view setup) {
+  constexpr std::int64_t kElements = 10;
+  const StoredElements elements = elements_in(row, kElements);
+  FUZZ_EXPECT(elements.rows >= 0 && elements.request_bytes >= 0 && elements.answer_bytes >= 0);
+  FUZZ_EXPECT(elements.counts.done >= 0 && elements.counts.done <= kElements);
+  ElementClaim claim;
+  read_claim(row, claim);
+  for (const ClaimedElement& element : claim.elements) {
+    FUZZ_EXPECT(element.lost >= 0);
+    if (element.request) take_array(parts, std::string(setup), *element.request);
+  }
+  for (const ElementAnswer& one : answers_in(row, "array"))
+    FUZZ_EXPECT(one.end >= ElementEnd::unsolved && one.end <= ElementEnd::failed);
 }
 
 // Rows of a job that another server runs.
@@ -175,5 +211,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                  .answer = taken.stored.request,
                  .error = taken.token});
   follow(parts, columns[4], columns[5]);
+  read_elements(parts, row, columns.back());
   return 0;
 }

@@ -153,6 +153,21 @@ TEST(ResultStore, ARequestIdIsOneJobUntilItIsLetGo) {
   EXPECT_EQ(store.expect("fifth", "client", {"mine", "another"}).value(), "fifth");
 }
 
+TEST(ResultStore, AnArrayThatAnotherServerContinuesTakesNothing) {
+  ResultStore store({seconds(10), 4000});
+  store.set_fetch([](const std::string&) {});
+  for (const char* id : {"left", "ended"}) {
+    expect(store, id, "client");
+    EXPECT_TRUE(store.grow(id, 1000));
+  }
+  EXPECT_FALSE(store.grow("left", 1)) << "arrays that have not ended have half";
+  store.stop_growing("left");
+  store.kept_elsewhere("ended");
+  EXPECT_EQ(store.bytes(), 0);
+  EXPECT_TRUE(store.grow("left", 2000));
+  store.stop_growing("unknown");
+}
+
 TEST(ResultStore, ReportsOfEachThatIsLetGo) {
   std::vector<std::string> gone;
   ResultStore store({seconds(10), 4000}, [&](const std::string& id) { gone.push_back(id); });

@@ -6,7 +6,6 @@
 #include <random>
 #include <set>
 
-#include "array_client.h"
 #include "fleet_node.h"
 #include "marble/convert.h"
 #include "marble/convert_coupled.h"
@@ -69,15 +68,6 @@ TEST_F(Fleet, AnyServerAnswersForAnyJob) {
   a->get(quick, grpc::StatusCode::NOT_FOUND);
   v1::SolveResponse response;
   EXPECT_EQ(a->result(quick, true, &response).error_code(), grpc::StatusCode::NOT_FOUND);
-}
-
-TEST_F(Fleet, ArraysAreRefusedInWords) {
-  const auto a = start();
-  std::string id;
-  const grpc::Status status = submit_array(a->jobs(), {}, elements_of(1), &id);
-  EXPECT_EQ(status.error_code(), grpc::StatusCode::UNIMPLEMENTED);
-  EXPECT_NE(status.error_message().find("share a store"), std::string::npos) << status.error_message();
-  EXPECT_EQ(ArrayReader(a->jobs(), "none").finish().error_code(), grpc::StatusCode::UNIMPLEMENTED);
 }
 
 TEST_F(Fleet, AnyServerAnswersOverPlainHttpToo) {
@@ -382,7 +372,7 @@ TEST_F(Fleet, TablesOfAnotherVersionAreRefusedInWords) {
   EXPECT_EQ(
       refused({"--state", database_.uri(), "--check-state"}, "ok, 0 jobs without an answer, 0 with one"), 0);
   (void)database_.ask("UPDATE marble_schema SET version = 7");
-  EXPECT_EQ(refused({"--state", database_.uri()}, "is of version 7, this server knows 1"), 2);
+  EXPECT_EQ(refused({"--state", database_.uri()}, "is of version 7, this server knows 2"), 2);
   EXPECT_EQ(refused({"--state", database_.uri(), "--check-state"}, "is of version 7"), 2);
 }
 
