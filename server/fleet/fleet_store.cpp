@@ -219,7 +219,7 @@ Expected<void> FleetStore::write_once(std::vector<Change>& changes, const Due& d
                           .number(change.claim->number)
                           .text(change.claim->suspect ? "true" : "false")
                           .number(limits_.job_starts)
-                          .number(change.claim->most)
+                          .number(std::max<std::int64_t>(change.claim->most, 1))
                           .number(kMostClaimedBytes));
         break;
       case Kind::answer:

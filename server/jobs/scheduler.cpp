@@ -14,10 +14,10 @@ namespace {
 constexpr double kNewest = 0.1;                           // weight of the newest solve in the mean
 constexpr auto kPlaces = std::chrono::milliseconds(250);  // between updates of all places in the queue
 // Part of the time until a deadline for the result to arrive: a tenth, but no more than a busy machine needs.
-constexpr double kForAnswer = 0.1;
-constexpr double kForAnswerS = 0.025;
+constexpr double kShareForAnswer = 0.1;
+constexpr double kMostForAnswerS = 0.025;
 
-double for_answer_s(double left_s) { return std::min(kForAnswerS, kForAnswer * left_s); }
+double for_answer_s(double left_s) { return std::min(kMostForAnswerS, kShareForAnswer * left_s); }
 
 Error cannot_be_in_time(double left_s, double wait_s, double likely_s) {
   return failure(ErrorCode::resource_exhausted, "deadline", std::to_string(left_s) + " s",

@@ -53,7 +53,7 @@ TEST_F(HttpArrays, EachResultComesOnceAsOneLine) {
 }
 
 TEST_F(HttpArrays, WhatIsNotThereYetIsNoResultAndAnEarlyEndIsAnError) {
-  std::vector<v1::ArrayElement> elements = elements_of(4, [](std::int64_t) { return long_element(); });
+  std::vector<v1::ArrayElement> elements = elements_of(10, [](std::int64_t) { return long_element(); });
   const std::string id = submit_array(node_.jobs(), elements);
   const auto none = get(id);
   EXPECT_EQ(none->status, 409) << none->body;
