@@ -219,8 +219,9 @@ TEST(Ending, IndefiniteProblemsWithoutABoundEndAtALocalSolutionOrWithARay) {
 
 // Wherever a solve is stopped, in whichever engine, it says so and gives the best point the path had.
 TEST(Ending, ATimeLimitIsSaidWhereverItStrikes) {
-  const OwnedProblem p = examples::gates();  // its path ends infeasible, other engines take over
-  const Solution whole = solve_in_process(p.view()).value();
+  const OwnedProblem p = examples::gates();      // its path ends infeasible, other engines take over
+  const Options options{.restart_budget = 0.0};  // further starts begin with a solution
+  const Solution whole = solve_in_process(p.view(), options).value();
   ASSERT_EQ(whole.status, Status::solved);
   class StopAfter : public ProgressSink {
    public:
@@ -236,7 +237,8 @@ TEST(Ending, ATimeLimitIsSaidWhereverItStrikes) {
   for (int rows = 1; rows < whole.iterations; rows += 7) {
     StopAfter stopper(rows);
     const Solution s =
-        solve_in_process(p.view(), {}, {.progress = &stopper, .stop = stopper.source.get_token()}).value();
+        solve_in_process(p.view(), options, {.progress = &stopper, .stop = stopper.source.get_token()})
+            .value();
     EXPECT_EQ(s.status, Status::cancelled) << rows << ": " << s.detail;
     EXPECT_EQ(s.detail.rfind("stopped early", 0), 0U) << s.detail;
     const testing::Verdict verdict = testing::judge(p.view(), s);
