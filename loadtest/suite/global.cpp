@@ -15,6 +15,7 @@
 #include "marble/solver.h"
 #include "peers/peers.h"
 #include "support/problems/shared_problems.h"
+#include "support/random/box_qp.h"
 
 namespace marble::suite {
 namespace {
@@ -81,9 +82,12 @@ std::vector<Family> families() {
            [](std::uint64_t seed) {
              return qpec({10, 20, 4, 2}, seed);
            }},
-          {"qpec, 10 + 40 variables", [](std::uint64_t seed) {
+          {"qpec, 10 + 40 variables",
+           [](std::uint64_t seed) {
              return qpec({10, 40, 4, 4}, seed);
-           }}};
+           }},
+          {"box QP, 15 variables", [](std::uint64_t seed) { return testing::box_qp(15, seed); }},
+          {"box QP, 20 variables", [](std::uint64_t seed) { return testing::box_qp(20, seed); }}};
 }
 
 // Compares local solutions, with one start and with several, with proved ones.

@@ -4,33 +4,13 @@
 #include <cmath>
 #include <limits>
 
+#include "global/row_activity.h"
 #include "model/tuning.h"
 
 namespace marble {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-// The minimum or maximum of Σ a z of a row over a box: the sum of the finite terms, and the number of
-// infinite ones.
-struct RowActivity {
-  double sum = 0.0, size = 0.0;
-  int infinite = 0;
-
-  void add(double term) {
-    if (std::isfinite(term)) {
-      sum += term;
-      size += std::abs(term);
-    } else {
-      ++infinite;
-    }
-  }
-  // Returns the sum of the other terms; infinite if one of them is.
-  [[nodiscard]] double without(double term) const {
-    if (std::isfinite(term)) return infinite > 0 ? kInfinity : sum - term;
-    return infinite > 1 ? kInfinity : sum;
-  }
-};
 
 }  // namespace
 

@@ -25,6 +25,11 @@ struct Box {
   Box(const ScaledProblem& problem, double far, int passes = tuning::few_passes);
   Vector lower, upper;  ///< ±∞ where rows imply none
   Vector radius;        ///< for those variables
+  /// Adds bounds that are known from elsewhere.
+  void intersect(const Vector& least, const Vector& most) {
+    lower = lower.cwiseMax(least);
+    upper = upper.cwiseMin(most);
+  }
   /// True if rows bound every variable, so that bounds in the box hold everywhere.
   [[nodiscard]] bool is_bounded() const { return lower.allFinite() && upper.allFinite(); }
 

@@ -77,6 +77,7 @@ TreeResult Tree::explore(Run& run, ConstVectorRef z, bool known_convex, const Ro
   }
   if (!room.from_kept) costs_ = PseudoCosts(problem_.pairs());
   if (!room.from_kept || proof_ != nullptr) leaves.clear();
+  if (incumbent_.exists()) tried_.insert(branch_hash(incumbent_.best().set));
   if (const auto end = begin(run, std::move(root), std::move(leaves), room))
     return *end == TreeResult::End::limit ? stopped(run) : result(*end);
   report(run);
@@ -128,10 +129,10 @@ std::optional<TreeResult> Tree::prepare(Run& run, bool known_convex, const Room&
 bool Tree::make_expanders(Run& run, std::size_t count, double most_bytes) {
   while (expanders_.size() < count) {
     KktCost least;
-    std::unique_ptr<Kkt> kkt = make_kkt(problem_, {most_bytes, kInfinity}, run.interrupt(), least);
+    std::unique_ptr<Kkt> kkt = make_kkt(relaxed(), {most_bytes, kInfinity}, run.interrupt(), least);
     engine_fits_ = kkt != nullptr;
     if (kkt == nullptr) return false;
-    auto expander = std::make_unique<Expander>(problem_, std::move(kkt), *gram_);
+    auto expander = std::make_unique<Expander>(relaxed(), std::move(kkt), *gram_);
     Run for_helper = run.part(true);
     if (!expander->relaxation().prepare(expanders_.empty() ? run : for_helper)) return false;
     expanders_.push_back(std::move(expander));
@@ -153,134 +154,12 @@ void Tree::settle(const Room& room) {
     if (incumbent_.best().set.s_fixed[pair] != 0) sides[static_cast<std::size_t>(pair)] = Sides::s_zero;
   }
   kept_.set_answer(std::move(sides));
+  weaken();
   double bytes = kept_.bytes() + (gram_ != nullptr ? gram_->bytes() : 0.0);
   for (const auto& expander : expanders_) bytes += expander->relaxation().bytes();
   if (bytes <= room.kept_bytes) return;
   expanders_.clear();
   gram_.reset();
-}
-
-// Makes the root around the incumbent, or around z, and bounds it with what is available without an engine.
-Node Tree::make_root(ConstVectorRef z) {
-  from_ = incumbent_.exists() ? Vector(incumbent_.best().x.z()) : Vector(z);
-  radius_ = tuning::tree_radius * (1.0 + max_abs(from_.cwiseProduct(problem_.variable_scale)));
-  box_.emplace(problem_, radius_);
-  ++nodes_;
-  const Fixings none(static_cast<std::size_t>(problem_.pairs()));
-  Node root(problem_.layout, none, {});
-  root.bound = -kInfinity;
-  raise_by_solutions(root, none);
-  return root;
-}
-
-// Begins from the kept leaves, or from the root. Returns a result if that is already the end.
-std::optional<TreeResult::End> Tree::begin(Run& run, Node root, std::vector<Node> leaves, const Room& room) {
-  if (incumbent_.exists()) tried_.insert(branch_hash(incumbent_.best().set));
-  expanders_[0]->keep(keeps_, proof_ != nullptr ? &*box_ : nullptr, root.record);
-  if (!expanders_[0]->relaxation().start(from_)) {
-    push(std::move(root));
-    return TreeResult::End::limit;
-  }
-  if (!leaves.empty()) {
-    if (go_on_from(run, from_, std::move(leaves))) return std::nullopt;
-    reused_nodes_ = 0;
-    closed_bound_ = kInfinity;
-    static_cast<void>(kept_.replace(room.kept_bytes));
-  }
-  const NodeEngine& engine = expanders_[0]->relaxation();
-  const std::int64_t before = engine.factorizations();
-  const auto end = begin_at_root(run, std::move(root));
-  run.factorizations += static_cast<std::int32_t>(engine.factorizations() - before);
-  return end;
-}
-
-// With an incumbent, probing comes first and fixes sides for good.
-std::optional<TreeResult::End> Tree::begin_at_root(Run& run, Node root) {
-  Expander& expander = *expanders_[0];
-  NodeEngine& relaxation = expander.relaxation();
-  using End = NodeEngine::End;
-  const double by_incumbent = root.bound;
-  const End end = relaxation.solve(*box_, cutoff(), run.interrupt());
-  if (end == End::interrupted) {
-    push(std::move(root));
-    return TreeResult::End::limit;
-  }
-  Fixings fixings(static_cast<std::size_t>(problem_.pairs()));
-  if (end == End::infeasible || end == End::cutoff) {
-    close(expander.node(fixings, end), end == End::cutoff ? relaxation.bound() : kInfinity);
-    return end == End::cutoff ? TreeResult::End::exhausted : TreeResult::End::infeasible;
-  }
-  std::optional<Suggestion> suggestion;
-  if (end == End::optimal) suggestion = expander.suggestion();
-  center_ = relaxation.center();
-  const bool fixable = incumbent_.exists();
-  if (suggestion && !fixable) static_cast<void>(try_as_answer(run, *suggestion, fixings));
-  const bool left = !fixable || expander.probe(fixings, *box_, cutoff(), closed_bound_, run.interrupt());
-  keep(expander.take_closed());
-  if (!left) return TreeResult::End::exhausted;
-  if (suggestion && fixable) static_cast<void>(try_as_answer(run, *suggestion, fixings));
-  for (const PseudoCosts::Gain& gain : expander.probed()) costs_.add(gain);
-  root = expander.node(fixings, end);
-  root.bound = std::max(by_incumbent, relaxation.bound());
-  push(std::move(root));
-  if (fixable) clauses_ = expander.find_clauses(fixings, center_, *box_, run.interrupt());
-  return std::nullopt;
-}
-
-// Continues from the leaves of the last tree, with what their multipliers prove for the current numbers.
-// Returns false if that is too little: beginning at the root is then as good.
-bool Tree::go_on_from(Run& run, ConstVectorRef from, std::vector<Node> leaves) {
-  NodeEngine& engine = expanders_[0]->relaxation();
-  center_ = engine.center();
-  ProximalSystem* const system = engine.proximal_system(run);
-  if (system == nullptr) return false;
-  RowProof proof(problem_, *system);
-  reused_nodes_ = static_cast<std::int64_t>(leaves.size());
-  for (Node& leaf : leaves) {
-    leaf.bound = -kInfinity;
-    leaf.exhausted = false;
-  }
-  const auto close_some = [&](bool adapted) {
-    std::erase_if(leaves, [&](Node& leaf) {
-      if (run.interrupted() || !still_closed(leaf, from, proof, adapted)) return false;
-      close(leaf, leaf.bound);
-      ++warm_closed_;
-      return true;
-    });
-  };
-  close_some(false);
-  if (!leaves.empty()) {
-    close_some(true);
-    run.factorizations += static_cast<std::int32_t>(proof.factorizations());
-    if (!engine.prepare(run)) return false;
-  }
-  if (static_cast<double>(warm_closed_) < tuning::tree_still_closed * static_cast<double>(reused_nodes_))
-    return false;
-  for (Node& leaf : leaves) push(std::move(leaf));
-  return true;
-}
-
-// Closes a leaf by its own multipliers, unchanged or adapted to the current numbers, or by those of the
-// current solutions.
-bool Tree::still_closed(Node& leaf, ConstVectorRef from, RowProof& proof, bool adapted) {
-  Fixings fixings;
-  std::vector<Index> held;
-  Vector multipliers;
-  leaf.read(problem_.layout, fixings, held);
-  const auto fixed = [&](Index row) { return is_fixed(problem_.layout, fixings, row); };
-  take_signs(leaf.multipliers(problem_.layout), fixed, multipliers);
-  if (!adapted) {
-    if (leaf.proof == Node::Proof::contradiction && proof.contradicts(*box_, multipliers)) {
-      leaf.bound = kInfinity;
-    } else if (leaf.proof == Node::Proof::bound) {
-      leaf.bound = proof.bound(*box_, from, multipliers, cutoff());
-    }
-    if (leaf.bound < cutoff()) raise_by_solutions(leaf, fixings);
-  } else if (leaf.proof == Node::Proof::bound) {
-    leaf.bound = std::max(leaf.bound, proof.adapt(*box_, from, fixed, multipliers, cutoff()));
-    leaf.keep(problem_.layout, multipliers, Node::Proof::bound);
-  }
-  return leaf.bound >= cutoff();
 }
 
 // Raises a bound to what the multipliers of the current exact solutions prove. For the node that such a
@@ -290,11 +169,11 @@ void Tree::raise_by_solutions(Node& node, const Fixings& fixings) const {
 }
 
 void Tree::raise(Node& node, const Fixings& fixings, std::initializer_list<const Iterate*> points) const {
-  DualBound dual_bound(problem_);
+  DualBound dual_bound(relaxed());
   Vector multipliers;
-  const auto fixed = [&](Index row) { return is_fixed(problem_.layout, fixings, row); };
+  const auto fixed = [&](Index row) { return is_fixed(relaxed().layout, fixings, row); };
   for (const Iterate* x : points) {
-    take_signs(-x->lambda(), fixed, multipliers);
+    take_signs(with_added_rows(-x->lambda()), fixed, multipliers);
     const double bound = dual_bound.of_objective(*box_, x->z(), x->y(), multipliers);
     if (bound <= node.bound) continue;
     node.bound = bound;
@@ -406,7 +285,7 @@ void Tree::take(Run& run, Expansion& e) {
   if (e.suggestion) {
     Fixings fixings;
     std::vector<Index> held;
-    e.node.read(problem_.layout, fixings, held);
+    e.node.read(relaxed().layout, fixings, held);
     const bool leaf = e.outcome == Outcome::leaf;
     const bool solved = try_as_answer(run, *e.suggestion, fixings, leaf);
     if (leaf && solved && point_.sharpen()) raise(e.node, fixings, {&point_.x});
@@ -458,12 +337,16 @@ bool Tree::try_as_answer(Run& run, const Suggestion& suggestion, const Fixings& 
   Iterate x(problem_);
   x.z() = suggestion.z;
   x.y() = suggestion.y;
-  x.lambda() = -suggestion.multipliers;
+  x.lambda() = -without_added_rows(suggestion.multipliers);
   Images images(problem_);
   images.evaluate(problem_, x);
   WorkingSet set(problem_);
   std::ranges::fill(set.held, std::uint8_t{0});
-  for (const Index row : suggestion.held) set.held[row] = 1;
+  const Index added = relaxed().inequalities() - problem_.inequalities();
+  for (const Index row : suggestion.held) {
+    if (row < problem_.inequalities()) set.held[row] = 1;
+    if (row >= relaxed().inequalities()) set.held[row - added] = 1;
+  }
   for (Index pair = 0; pair < problem_.pairs(); ++pair) {
     const Sides fixed = fixings[static_cast<std::size_t>(pair)];
     const bool open = fixed == Sides::relaxed || fixed == Sides::both_zero;

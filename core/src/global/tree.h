@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "global/expansion.h"
+#include "global/implied_bounds.h"
 #include "global/kept_tree.h"
 #include "path/reporter.h"
 #include "path/termination.h"
@@ -80,7 +81,14 @@ class Tree {
   [[nodiscard]] Node make_root(ConstVectorRef z);
   [[nodiscard]] std::optional<TreeResult::End> begin(Run& run, Node root, std::vector<Node> leaves,
                                                      const Room& room);
-  [[nodiscard]] std::optional<TreeResult::End> begin_at_root(Run& run, Node root);
+  [[nodiscard]] std::optional<TreeResult::End> begin_at_root(Run& run, Node root, NodeEngine::End end);
+  [[nodiscard]] NodeEngine::End solve_strengthened(Run& run);
+  enum class Strength { none, gained, infeasible, stopped };
+  [[nodiscard]] Strength strengthen(Run& run);
+  void weaken();
+  [[nodiscard]] const ScaledProblem& relaxed() const { return strengthened_ ? *strengthened_ : problem_; }
+  [[nodiscard]] Vector with_added_rows(ConstVectorRef rows) const;
+  [[nodiscard]] Vector without_added_rows(ConstVectorRef rows) const;
   [[nodiscard]] bool go_on_from(Run& run, ConstVectorRef from, std::vector<Node> leaves);
   [[nodiscard]] bool still_closed(Node& leaf, ConstVectorRef from, RowProof& proof, bool adapted);
   void settle(const Room& room);
@@ -110,7 +118,9 @@ class Tree {
   BranchPoint& point_;
   Incumbent& incumbent_;
   Reporter reporter_;
-  std::unique_ptr<Gram> gram_;
+  std::optional<ImpliedBounds> implied_;
+  std::optional<ScaledProblem> strengthened_;  // with rows that bound the relaxations
+  std::unique_ptr<Gram> gram_;                 // of relaxed()
   std::vector<std::unique_ptr<Expander>> expanders_;
   std::optional<Box> box_;
   double radius_ = 0.0;

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "global/implied_bounds.h"
 #include "horizon/segments.h"
 #include "model/text_of.h"
 #include "model/tuning.h"
@@ -206,12 +207,22 @@ Strategy::Answer Strategy::finish_exact_cold(Run& run) {
   return answer;
 }
 
-bool Strategy::is_small(const Run& run) const {
-  const double size = problem_.variables() + problem_.equalities() + problem_.layout.size();
-  return (problem_.pairs() > 0 || run.nonconvex) && problem_.pairs() <= tuning::small_pairs &&
-         size <= tuning::small_size && options_.path == Path::fast && options_.polish &&
+bool Strategy::may_search_small_tree(const Run& run) const {
+  return (problem_.pairs() > 0 || run.nonconvex) && options_.path == Path::fast && options_.polish &&
          options_.max_local_search_factorizations > 0 && options_.max_small_problem_nodes > 0 &&
          !options_.global_search;
+}
+
+bool Strategy::is_small(const Run& run) const {
+  const double size = problem_.variables() + problem_.equalities() + problem_.layout.size();
+  return may_search_small_tree(run) && problem_.pairs() <= tuning::small_pairs && size <= tuning::small_size;
+}
+
+// Without bounds from the pairs, a tree has no bound, and other searches little to go by.
+bool Strategy::is_small_for_its_pairs(const Run& run) const {
+  const double size = problem_.variables() + problem_.equalities() + problem_.layout.size();
+  return may_search_small_tree(run) && problem_.pairs() <= tuning::implied_small_pairs &&
+         size <= tuning::implied_small_size && ImpliedBounds::only_pairs_bound(problem_, options_);
 }
 
 // The part of a cold solve after its first solution: global search if the problem is small, otherwise further
@@ -221,8 +232,8 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool is_first) {
   const Run::Searching searching(run);
   bring_near(run);
   Answer answer = finish_exact_cold(run);
-  const bool small = is_first && is_small(run);
-  const bool again = is_first && !small && may_start_again();
+  const bool small = is_first && (is_small(run) || is_small_for_its_pairs(run));
+  const bool again = is_first && may_start_again();
   if (!incumbent_.exists() || run.interrupted() || (!small && !again && options_.num_starts == 1))
     return answer;
   const double before = incumbent_.best().objective;
@@ -251,7 +262,7 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool is_first) {
     start_elsewhere(options_.max_small_problem_nodes, run.factorizations + options_.max_small_problem_nodes);
   };
   if (small && !convex) start_small();
-  if (again) search_.start_again(run, settle);
+  if (again && !tree.proved) search_.start_again(run, settle);
   if (!tree.proved) search_.start_further(run, settle);
   for (int start = 1; start < options_.num_starts && small && !convex && !run.interrupted(); ++start)
     start_small();

@@ -7,6 +7,7 @@
 #include "marble/published_examples.h"
 #include "model.h"
 #include "problems/noise.h"
+#include "support/random/box_qp.h"
 
 namespace marble::suite {
 namespace {
@@ -197,6 +198,14 @@ std::vector<HardProblem> hard_problems(int seeds, bool judging) {
     add("game " + std::to_string(n), [n](std::uint64_t seed) { return game(n, seed); });
   for (const Index n : {20, 40, 100})
     add("LCP " + std::to_string(n), [n](std::uint64_t seed) { return planted_lcp(n, seed); });
+  for (const Index n : {8, 10, 15, 20}) {
+    add("best box QP " + std::to_string(n), [n](std::uint64_t seed) { return testing::box_qp(n, seed); });
+    for (int number = 0; number < seeds; ++number) {
+      HardProblem& problem = all[all.size() - static_cast<std::size_t>(seeds - number)];
+      problem.optimum =
+          testing::box_qp_descent(n, static_cast<std::uint64_t>(2 * number + (judging ? 2 : 1)));
+    }
+  }
   add("bilevel 24", bilevel);
   add("indefinite", [](std::uint64_t seed) {
     const auto kind = static_cast<Index>(seed / 2 % 4);
