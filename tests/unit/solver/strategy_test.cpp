@@ -39,7 +39,7 @@ OwnedProblem corner(double a, double b, double side = 1.0) {
 // A strategy, and each run of it with counters of its own.
 struct Planned : Workbench {
   explicit Planned(const OwnedProblem& p, const Options& chosen = {})
-      : Workbench(p, chosen), strategy(problem, *kkt, options) {}
+      : Workbench(p, chosen), strategy(problem, *kkt, options, nullptr) {}
 
   Ending start(ConstVectorRef z, const std::optional<Strategy::WarmStart>& warm_start) {
     marble::Run own(options, controls);
