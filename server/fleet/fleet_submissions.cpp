@@ -150,7 +150,7 @@ Expected<OnFinished> FleetSubmissions::cancel(const Identity& caller, const std:
   const auto record = find_job(parts_.board, caller, id);
   if (!record) return unexpected(record.error());
   if (!may_end(caller, (*record)->description().client)) return unexpected(not_to_end(id));
-  if ((*record)->description().kind != JobKind::submitted || (*record)->is_finished()) {
+  if (!outlives_call((*record)->description().kind) || (*record)->is_finished()) {
     if (auto reported = cancel_job(parts_.board, caller, id, response); !reported)
       return unexpected(reported.error());
     return OnFinished();

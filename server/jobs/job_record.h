@@ -31,6 +31,11 @@ using Clock = std::chrono::steady_clock;
 enum class JobKind { solve, batch, submitted, session, scenarios, coupled, array };
 enum class JobState { queued, running, idle, finished };
 
+/// True if a job of this kind does not end with the call that submitted it.
+[[nodiscard]] constexpr bool outlives_call(JobKind kind) {
+  return kind == JobKind::submitted || kind == JobKind::array;
+}
+
 /// Properties that do not change during a job's life.
 struct JobDescription {
   std::string id = {};

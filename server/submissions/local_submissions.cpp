@@ -17,8 +17,6 @@ void fill(const std::string& id, const QueuePlace& place, v1::SubmitResponse* re
   response->set_estimated_wait_s(place.estimated_wait_s);
 }
 
-bool outlives_call(JobKind kind) { return kind == JobKind::submitted || kind == JobKind::array; }
-
 // Writes the job to disk. A job that cannot be written ends, and no one has seen it.
 OnFinished kept(const ServiceParts& parts, JobStore& store, const std::shared_ptr<ResultKeeper>& keeper,
                 const std::shared_ptr<JobRecord>& record, StoredJob job) {

@@ -151,8 +151,9 @@ TEST_F(QueueWaitTest, ABatchWaitsAndReportsItOnce) {
   const BatchSink sink = [&](std::int64_t, const Expected<RemoteSolution>& answer) {
     solved += answer && is_solved(answer->status) ? 1 : 0;
   };
-  auto done = std::async(std::launch::async,
-                         [&] { return client_.solve_batch(batch, sink, {.waiting = listener()}); });
+  auto done = std::async(std::launch::async, [&] {
+    return client_.solve_batch(batch, sink, {.priority = Priority::batch, .waiting = listener()});
+  });
   EXPECT_TRUE(eventually([&] { return reports_ > 0; }));
   free_the_server();
   EXPECT_TRUE(done.get().has_value());

@@ -77,7 +77,8 @@ def test_what_a_tree_does_not_know_is_infinite_and_what_it_knows_comes_as_it_was
 
 # What Python leaves out of a message, or has in another class.
 ELSEWHERE = {"Solution": {"coupled", "scenarios"}, "Progress": {"level", "scenarios"},
-             "CoupledOutcome": {"coupling_multipliers"}, "JobEvent": {"pairs"}}
+             "CoupledOutcome": {"coupling_multipliers"}, "JobEvent": {"pairs"},
+             "GetJobResponse": {"infeasibility"}}
 
 
 @pytest.mark.parametrize(("kind", "message"), [

@@ -5,8 +5,10 @@
 #include <regex>
 #include <set>
 
+#include "http/array_routes.h"
 #include "http/event_hub.h"
 #include "http/event_routes.h"
+#include "http/fleet_routes.h"
 #include "http/health_routes.h"
 #include "http/job_routes.h"
 #include "http/metrics_route.h"
@@ -44,7 +46,9 @@ TEST(Routes, AreThoseOfTheDescription) {
   add_health_routes(router, parts.all, {});
   add_job_routes(router, parts.all, semaphore);
   add_submission_routes(router, parts.all, semaphore);
+  add_array_routes(router, parts.all, semaphore);
   add_event_routes(router, parts.all, hub);
+  add_fleet_routes(router, parts.all);
   add_metrics_route(router, parts.all);
   add_page_routes(router);
   add_recent_routes(router, parts.all, begin_history(parts.all));
