@@ -63,8 +63,9 @@ class CurrentInput {
 
   void hold(const Bytes& input) const {
     if (bytes_ == nullptr) return;
-    std::memcpy(bytes_, input.data(), input.size());
+    // Memory beyond the end of the file cannot be written.
     if (::ftruncate(file_, static_cast<off_t>(input.size())) != 0) std::abort();
+    std::memcpy(bytes_, input.data(), input.size());
   }
 
  private:
