@@ -70,9 +70,10 @@ export class Servers {
     fill(this.note, stale ? `The store cannot be read: ${error}. ${servers.length === 0 ? "" : `The list is ${age(Number(old))} old.`}` : "Each server reports itself to the store that they share.");
     this.note.classList.toggle("alarm", stale);
     byId("servers-view").classList.toggle("stale", stale);
-    const focused = document.activeElement?.closest?.(".servers tr")?.dataset.name;
+    const row = document.activeElement?.closest?.(".servers tr");
+    const focused = row instanceof HTMLElement ? row.dataset.name : undefined;
     this.body.replaceChildren(...servers.map((server) => this.#row(server)));
-    if (focused !== undefined) [...this.body.rows].find((row) => row.dataset.name === focused)?.querySelector("a")?.focus();
+    if (focused !== undefined) [...this.body.rows].find((one) => one.dataset.name === focused)?.querySelector("a")?.focus();
   }
 
   #showTotals(all, waiting) {

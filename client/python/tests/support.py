@@ -131,7 +131,7 @@ def check(problem: marble.LCQP, answer: marble.Solution, tolerance: float = 1e-6
     gradient = (Q @ z + problem.g + problem.A.T @ answer.y - problem.C.T @ answer.nu - problem.L.T @ answer.xi
                 - problem.R.T @ answer.eta)
     assert np.abs(gradient).max() <= 1e-5
-    assert answer.nu.min(initial=0.0) >= -1e-9 * (1.0 + np.abs(answer.nu).max(initial=0.0))
+    assert answer.nu.min(initial=0.0) >= -tolerance
 
 
 class Absence:

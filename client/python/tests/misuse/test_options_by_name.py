@@ -90,9 +90,9 @@ def test_a_name_like_no_other_says_where_all_are():
 
 
 def test_methods_for_research_are_refused(either):
-    with pytest.raises(marble.InvalidArgument, match="method.* must be marble; `marble compare`"):
+    with pytest.raises(marble.InvalidArgument, match=r"method.* must be marble; `marble compare`"):
         either.solve(tiny(), method="alag")
-    with (pytest.raises(marble.InvalidArgument, match="method.* must be marble; `marble compare`"),
+    with (pytest.raises(marble.InvalidArgument, match=r"method.* must be marble; `marble compare`"),
           either.session(tiny(), method="alag") as session):
         session.update()
     assert either.solve(tiny(), method="marble").solved
