@@ -5,6 +5,7 @@
 #include "fleet/fleet_statements.h"
 #include "fleet/fleet_store.h"
 #include "jobs/scheduler.h"
+#include "store/array_source.h"
 
 namespace marble::server {
 
@@ -131,8 +132,7 @@ void FleetStore::Adding::take(const Change& change, const PgRows& earlier) {
     return;
   }
   if (seals && *job.id != stored.id) {
-    job.id = unexpected(
-        failure(ErrorCode::unavailable, "the array of this request_id was let go just now: send it again"));
+    job.id = unexpected(array_dropped());
     return;
   }
   if (seals) {

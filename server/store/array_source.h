@@ -45,6 +45,10 @@ class ArraySource {
 [[nodiscard]] inline Error array_deleted(const std::string& id) {
   return failure(ErrorCode::not_found, "job_id", id, "was deleted, and its answers with it");
 }
+/// Returns the error of a repeated array whose first copy was dropped before it was complete.
+[[nodiscard]] inline Error array_dropped() {
+  return failure(ErrorCode::unavailable, "the array of this request_id was dropped just now: send it again");
+}
 /// Returns the error if there is no array by this id.
 [[nodiscard]] inline Error no_array(const std::string& id) {
   return failure(ErrorCode::not_found, "job_id", id, "is no array, or its answers are not kept any more");

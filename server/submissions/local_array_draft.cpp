@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "store/array_source.h"
 #include "store/submissions.h"
 #include "submissions/arrays.h"
 
@@ -47,8 +48,7 @@ void LocalArrayDraft::seal_all(const Sealed& sealed) {
   if (!is_repeated_) return seal_new(sealed);
   // The other array was dropped meanwhile, and this one was not kept.
   parts_.results.forget(id());
-  sealed(unexpected(
-      failure(ErrorCode::unavailable, "the array of this request_id was let go just now: send it again")));
+  sealed(unexpected(array_dropped()));
 }
 
 // A client that gets the id finds the array.

@@ -12,6 +12,7 @@
 #include "global/row_activity.h"
 #include "model/careful_sum.h"
 #include "model/tuning.h"
+#include "proof/row_problem.h"
 
 namespace marble {
 namespace {
@@ -20,14 +21,6 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 double entries(const ScaledProblem& p) {
   return static_cast<double>(p.A.values.size()) + static_cast<double>(p.rows.values.size());
-}
-
-void append(const RowMatrix& from, RowMatrix& to) {
-  const Index before = to.row_pointers.back();
-  for (Index row = 1; row <= from.rows; ++row) to.row_pointers.push_back(before + from.row_pointers[row]);
-  to.column_indices.insert(to.column_indices.end(), from.column_indices.begin(), from.column_indices.end());
-  to.values.insert(to.values.end(), from.values.begin(), from.values.end());
-  to.rows += from.rows;
 }
 
 }  // namespace
@@ -52,8 +45,8 @@ bool ImpliedBounds::only_pairs_bound(const ScaledProblem& p, const Options& opti
 
 ImpliedBounds::ImpliedBounds(const ScaledProblem& p, const Options& options) : problem_(p) {
   rows_.columns = p.variables();
-  append(p.A, rows_);
-  append(p.rows, rows_);
+  append_rows(p.A, rows_);
+  append_rows(p.rows, rows_);
   offset_.resize(rows_.rows);
   offset_ << p.b, p.offset;
   tolerance_.resize(rows_.rows);

@@ -14,4 +14,7 @@ namespace marble {
   return static_cast<double>((bits ^ (bits >> 31U)) >> 11U) * 0x1p-53;
 }
 
+/// Returns the same, in [−1, 1).
+[[nodiscard]] inline double signed_noise(std::uint64_t a, std::uint64_t b) { return 2.0 * noise(a, b) - 1.0; }
+
 }  // namespace marble

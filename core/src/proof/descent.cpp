@@ -164,7 +164,7 @@ bool Descent::find_negative_curvature(Run& run, int last) {
 }
 
 bool Descent::iterate_inversely() {
-  for (Index j = 0; j < direction_.size(); ++j) direction_[j] = 2.0 * noise(0, j) - 1.0;
+  for (Index j = 0; j < direction_.size(); ++j) direction_[j] = signed_noise(0, j);
   double curvature = std::numeric_limits<double>::infinity();
   for (int i = 0; i < tuning::engine_budget; ++i) {
     nothing_.setZero();

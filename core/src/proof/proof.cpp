@@ -13,10 +13,6 @@
 namespace marble {
 namespace {
 
-void append_rows(const RowMatrix& from, RowMatrix& to) {
-  for (Index row = 0; row < from.rows; ++row) append_row(from, row, to);
-}
-
 // Appends all rows of Q, as equalities.
 void append_rows(const SymmetricMatrix& Q, RowMatrix& to) {
   std::vector<std::vector<std::pair<Index, double>>> rows(static_cast<std::size_t>(Q.size));

@@ -14,6 +14,10 @@ void append_row(const RowMatrix& from, Index row, RowMatrix& to) {
   ++to.rows;
 }
 
+void append_rows(const RowMatrix& from, RowMatrix& to) {
+  for (Index row = 0; row < from.rows; ++row) append_row(from, row, to);
+}
+
 SymmetricMatrix identity(Index size) {
   SymmetricMatrix matrix;
   matrix.size = size;

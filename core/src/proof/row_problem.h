@@ -11,6 +11,9 @@ namespace marble {
 /// Appends a copy of one row.
 void append_row(const RowMatrix& from, Index row, RowMatrix& to);
 
+/// Appends a copy of all rows.
+void append_rows(const RowMatrix& from, RowMatrix& to);
+
 /// Returns the Hessian of ½zᵀz.
 [[nodiscard]] SymmetricMatrix identity(Index size);
 

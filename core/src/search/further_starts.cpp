@@ -87,7 +87,7 @@ void FurtherStarts::set_up(Attempt& attempt, const Start& start, const Plans& pl
   const auto number = static_cast<std::uint64_t>(start.number);
   for (Index j = 0; j < center_.size(); ++j)
     attempt.point[j] =
-        center_[j] + tuning::random_spread * (2.0 * noise(number, static_cast<std::uint64_t>(j)) - 1.0);
+        center_[j] + tuning::random_spread * signed_noise(number, static_cast<std::uint64_t>(j));
 }
 
 FurtherStarts::Gains FurtherStarts::round(Run& run, const Plans& plans, std::span<const Start> starts,

@@ -99,7 +99,7 @@ bool Multistart::start(Run& run, int last) {
     const double spread = 1.0 + max_abs(best.x.z());
     Vector target = best.x.z();
     for (Index j = 0; j < target.size(); ++j)
-      target[j] += spread * (2.0 * noise(number, static_cast<std::uint64_t>(j)) - 1.0);
+      target[j] += spread * signed_noise(number, static_cast<std::uint64_t>(j));
     if (!minimize(run, target, nullptr, last) || is_searched()) return false;
   }
   search_neighbours(run, last);

@@ -20,7 +20,7 @@ class UnitRows {
       : rows_(problem), dense_(Vector::Zero(problem.variables())) {
     Vector direction(problem.variables());
     for (Index j = 0; j < problem.variables(); ++j)
-      direction[j] = 2.0 * noise(0, static_cast<std::uint64_t>(j)) - 1.0;
+      direction[j] = signed_noise(0, static_cast<std::uint64_t>(j));
     projections_.reserve(static_cast<std::size_t>(rows_.size()));
     scale_.resize(rows_.size());
     for (Index row = 0; row < rows_.size(); ++row) {

@@ -207,22 +207,26 @@ Strategy::Answer Strategy::finish_exact_cold(Run& run) {
   return answer;
 }
 
-bool Strategy::may_search_small_tree(const Run& run) const {
-  return (problem_.pairs() > 0 || run.nonconvex) && options_.path == Path::fast && options_.polish &&
-         options_.max_local_search_factorizations > 0 && options_.max_small_problem_nodes > 0 &&
+// Without being asked, after the first solution.
+bool Strategy::may_search_on() const {
+  return options_.path == Path::fast && options_.polish && options_.max_local_search_factorizations > 0 &&
          !options_.global_search;
 }
 
-bool Strategy::is_small(const Run& run) const {
+bool Strategy::has_small_tree(const Run& run, Index most_pairs, double most_size) const {
   const double size = problem_.variables() + problem_.equalities() + problem_.layout.size();
-  return may_search_small_tree(run) && problem_.pairs() <= tuning::small_pairs && size <= tuning::small_size;
+  return may_search_on() && options_.max_small_problem_nodes > 0 && (problem_.pairs() > 0 || run.nonconvex) &&
+         problem_.pairs() <= most_pairs && size <= most_size;
+}
+
+bool Strategy::is_small(const Run& run) const {
+  return has_small_tree(run, tuning::small_pairs, tuning::small_size);
 }
 
 // Without bounds from the pairs, a tree has no bound, and other searches little to go by.
 bool Strategy::is_small_for_its_pairs(const Run& run) const {
-  const double size = problem_.variables() + problem_.equalities() + problem_.layout.size();
-  return may_search_small_tree(run) && problem_.pairs() <= tuning::implied_small_pairs &&
-         size <= tuning::implied_small_size && ImpliedBounds::only_pairs_bound(problem_, options_);
+  return has_small_tree(run, tuning::implied_small_pairs, tuning::implied_small_size) &&
+         ImpliedBounds::only_pairs_bound(problem_, options_);
 }
 
 // The part of a cold solve after its first solution: global search if the problem is small, otherwise further
@@ -282,9 +286,8 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool is_first) {
 
 // Segments take the place of further starts where a problem is large enough for both.
 bool Strategy::may_start_again() const {
-  return options_.restart_budget > 0.0 && options_.max_local_search_factorizations > 0 &&
-         options_.path == Path::fast && options_.polish && !options_.global_search &&
-         problem_.pairs() > tuning::small_pairs && !may_have_segments(problem_);
+  return may_search_on() && options_.restart_budget > 0.0 && problem_.pairs() > tuning::small_pairs &&
+         !may_have_segments(problem_);
 }
 
 // Returns what the tree proves, and its counters.

@@ -162,7 +162,8 @@ class Strategy {
   [[nodiscard]] Answer finish_exact_cold(Run& run);
   void bring_near(Run& run);
   void show_incumbent(const Run& run) const;
-  [[nodiscard]] bool may_search_small_tree(const Run& run) const;
+  [[nodiscard]] bool may_search_on() const;
+  [[nodiscard]] bool has_small_tree(const Run& run, Index most_pairs, double most_size) const;
   [[nodiscard]] bool is_small(const Run& run) const;
   [[nodiscard]] bool is_small_for_its_pairs(const Run& run) const;
   [[nodiscard]] Answer finish_cold(Run& run, bool is_first);

@@ -191,7 +191,7 @@ TEST_F(FleetArrays, OnlyItsHolderAnswers) {
   a->server().send(SIGSTOP);
   ASSERT_TRUE(eventually_done(*b, id, 9)) << b->server().log();
   a->server().send(SIGCONT);
-  ASSERT_TRUE(eventually([&] { return a->solves(); })) << "it lets go of it";
+  ASSERT_TRUE(eventually([&] { return a->solves(); })) << "it releases the array";
   ASSERT_TRUE(eventually([&] { return a->job(id).server() != before; }));
   EXPECT_EQ(a->job(id).state(), v1::JOB_STATE_RUNNING);
   EXPECT_TRUE(a->cancel(id).ok());

@@ -49,8 +49,9 @@ struct BatchControls {
   /// one result. After that time the rest is `unavailable`. Default: 10 s, and less than one second if no
   /// server has ever responded to this client. No effect in process.
   std::optional<std::chrono::duration<double>> wait = {};
-  /// Called once when the server refuses a problem because its queue, or the client's share of it, is full,
-  /// with the server's reason. The batch sends such a problem again after the time that the server names.
+  /// A server keeps problems of a batch waiting while its queue, or the client's share of it, is full. Called
+  /// once if it refuses one all the same, with its reason: the batch sends that problem again after the time
+  /// that the server names.
   std::function<void(const Error& reason)> waiting = {};
 };
 

@@ -15,12 +15,12 @@ constexpr Seconds kFirstPause(0.1), kLongestPause(1.0);
 constexpr Seconds kWait(10.0), kWaitForUnauthenticated(0.7);
 constexpr double kShortest = 0.8;  // of a pause
 
-double share() {
-  thread_local std::minstd_rand random{std::random_device{}()};
-  return std::uniform_real_distribution(kShortest, 1.0)(random);
-}
-
 }  // namespace
+
+double random_factor(double low, double high) {
+  thread_local std::minstd_rand random{std::random_device{}()};
+  return std::uniform_real_distribution(low, high)(random);
+}
 
 void Patience::reached() {
   reached_ = true;
@@ -35,7 +35,7 @@ std::optional<Seconds> Patience::pause() {
   }
   const Seconds left = wait_.value_or(reached_ ? kWait : kWaitForUnauthenticated) - (now - *since_);
   if (!(left > Seconds(0.0))) return std::nullopt;
-  const Seconds pause = std::min(next_ * share(), left);
+  const Seconds pause = std::min(next_ * random_factor(kShortest, 1.0), left);
   next_ = std::min(2.0 * next_, kLongestPause);
   return pause;
 }

@@ -29,6 +29,10 @@ class Patience {
   std::optional<std::chrono::steady_clock::time_point> since_;
 };
 
+/// Returns a random factor in [low, high) for a pause: clients that lose a server together do not return
+/// together.
+[[nodiscard]] double random_factor(double low, double high);
+
 /// Waits. Returns true as soon as a stop is requested.
 [[nodiscard]] bool is_stopped_within(Patience::Seconds pause, const std::stop_token& stop);
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <random>
 #include <string_view>
 
 #include "connection/patience.h"
@@ -16,12 +15,7 @@ using Seconds = QueueWait::Seconds;
 constexpr std::array<std::string_view, 4> kQueueLimits = {"queue_jobs", "queue_bytes", "client_queued",
                                                           "client_bytes"};
 constexpr Seconds kDefaultQueueWait(10.0), kShortestDelay(0.01), kLongestDelay(60.0);
-constexpr double kMostSpread = 1.2;  // of a pause: clients that were refused together do not return together
-
-double spread() {
-  thread_local std::minstd_rand random{std::random_device{}()};
-  return std::uniform_real_distribution(1.0, kMostSpread)(random);
-}
+constexpr double kMostSpread = 1.2;  // of a pause
 
 }  // namespace
 
@@ -47,7 +41,8 @@ bool QueueWait::pause(const grpc::Status& status) {
   if (is_first) refused_ = now;
   const Seconds more = wait_ - (now - *refused_);
   if (!(more > Seconds(0.0))) return false;
-  const Seconds pause = std::min(std::clamp(*delay, kShortestDelay, kLongestDelay) * spread(), more);
+  const Seconds pause =
+      std::min(std::clamp(*delay, kShortestDelay, kLongestDelay) * random_factor(1.0, kMostSpread), more);
   if (const auto time = left(); time && pause >= *time) return false;
   if (is_first && waiting_) waiting_(reason);
   return !is_stopped_within(pause, stop_);
