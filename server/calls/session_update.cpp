@@ -131,7 +131,7 @@ void Update::take_along(Update older) {
 #define MARBLE_MATRIX(letter, field, update, vector) \
   take_field(from.mutable_##update(), to.mutable_##update());
 #include "marble/contract.def"
-  if (older.message_.has_initial_point() && !message_.has_initial_point())
+  if (message_.initial_point().z().empty())
     message_.mutable_initial_point()->Swap(older.message_.mutable_initial_point());
   message_.set_cold(older.message_.cold() || message_.cold());
   take_shift(std::move(older.shift_.variables), shift_.variables, sizes_.g);

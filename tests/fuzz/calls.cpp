@@ -206,6 +206,7 @@ void judge_answers(const std::vector<std::string>& sent, const Received& receive
     if (!message.ParseFromString(bytes)) continue;
     if (message.has_setup()) setup = message.setup();
     if (message.has_element()) elements.push_back(message.element());
+    if (message.has_end()) break;  // nothing is read after it
   }
   std::vector<bool> answered(elements.size());
   std::int64_t sequence = 0;

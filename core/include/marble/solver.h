@@ -120,6 +120,8 @@ class Solver {
   [[nodiscard]] bool is_feasible(const Solution& solution) const;
   [[nodiscard]] bool take_better(const Solution& previous, Solution& solution) const;
   void take(const ProblemUpdate& checked);
+  void fit_scaling();
+  void load_matrices();
   void take(const Options& checked);
   void keep_tree();
   void shift_tree(const Shift& by);

@@ -98,7 +98,7 @@ void report_by_blocks(const CoupledView& view, const Coordination& coordination,
   }
 }
 
-// Extends a block's certificate to the joint problem, with zeros outside the block.
+// Extends the certificate of an infeasible block to the joint problem, with zeros outside the block.
 std::vector<double> widened(const CoupledView& view, const std::vector<BlockPlace>& places, std::size_t k,
                             const Solution& own) {
   const BlockPlace &all = places.back(), &first = places[k], &end = places[k + 1];
@@ -110,12 +110,8 @@ std::vector<double> widened(const CoupledView& view, const std::vector<BlockPlac
     std::copy_n(own.certificate.begin() + static_cast<std::ptrdiff_t>(from), count,
                 wide.begin() + static_cast<std::ptrdiff_t>(begin) + where);
   };
-  const Index n = end.variables - first.variables, n_e = end.equalities - first.equalities,
-              n_i = end.inequalities - first.inequalities, n_c = end.pairs - first.pairs;
-  if (own.status == Status::unbounded) {
-    put(0, n, first.variables, at(all.variables));
-    return wide;
-  }
+  const Index n_e = end.equalities - first.equalities, n_i = end.inequalities - first.inequalities,
+              n_c = end.pairs - first.pairs;
   // (y, ν, ξ, η); y ends with the rows that define v, whose multipliers are zero because v is free.
   const std::size_t lifted_rows = own.certificate.size() - at(n_e + n_i + 2 * n_c);
   put(0, n_e, first.equalities, at(all.equalities) + view.total.size());
@@ -123,23 +119,6 @@ std::vector<double> widened(const CoupledView& view, const std::vector<BlockPlac
   put(at(n_e + n_i) + lifted_rows, n_c, first.pairs, at(all.pairs));
   put(at(n_e + n_i + n_c) + lifted_rows, n_c, first.pairs, at(all.pairs));
   return wide;
-}
-
-// True if a ray of one block moves its coupling rows; the other blocks cannot follow it.
-bool moves_rows(const CoupledView& view, std::size_t k, const Solution& own) {
-  const CoupledBlock& block = view.blocks[k];
-  const std::size_t n = block.problem.g.size();
-  if (own.status != Status::unbounded || own.certificate.size() < n) return false;
-  double largest = 0.0, moved = 0.0;
-  for (std::size_t j = 0; j < n; ++j) largest = std::max(largest, std::abs(own.certificate[j]));
-  std::vector<double> rows(view.total.size(), 0.0), terms(view.total.size(), 0.0);
-  for_entries(block.coupling, [&](Index row, Index j, double entry) {
-    rows[at(row)] += entry * own.certificate[at(j)];
-    terms[at(row)] = std::max(terms[at(row)], std::abs(entry) * largest);
-  });
-  for (std::size_t row = 0; row < rows.size(); ++row)
-    if (terms[row] > 0.0) moved = std::max(moved, std::abs(rows[row]) / terms[row]);
-  return !(moved <= tuning::near);
 }
 
 Expected<void> check_start(const CoupledView& view, const CoupledStart& start) {
@@ -247,20 +226,17 @@ Expected<CoupledSolution> finish_coupled(const CoupledView& view, Coordination c
   CoupledSolution result;
   result.places = joint_places(view);
   result.blocks_objective = sum_of_objectives(coordination);
-  if (const auto k = coordination.failed_block;
-      k && moves_rows(view, *k, coordination.answers[*k].solution)) {
-    coordination.failed_block.reset();
-    coordination.status = Status::numerical_failure;
-    coordination.detail += "; not with the coupling rows, which hold it";
-  }
+  // That is proved of all blocks only if a point of the whole has the block's ray; the joint solve decides.
+  const bool has_ray = coordination.failed_block && coordination.status == Status::unbounded;
+  if (has_ray) coordination.status = Status::numerical_failure;
   Solution start = stacked(coordination);
-  if (!stopped(coordination) && (coordination.failed_block || !options.joint)) {
+  if (!stopped(coordination) && ((coordination.failed_block && !has_ray) || !options.joint)) {
     result.joint = std::move(start);
     result.joint.status = coordination.status;
     result.joint.detail = coordination.detail;
     result.joint.objective = result.joint.reference_objective = result.blocks_objective;
     report_by_blocks(view, coordination, result.joint);
-    if (coordination.failed_block) {
+    if (coordination.failed_block && !has_ray) {
       const std::size_t k = *coordination.failed_block;
       result.joint.certificate = widened(view, result.places, k, coordination.answers[k].solution);
       result.joint.proved = coordination.status == Status::infeasible;
@@ -273,6 +249,7 @@ Expected<CoupledSolution> finish_coupled(const CoupledView& view, Coordination c
     auto solution = solve_from(*problem, std::move(start), coordination, options, controls);
     if (!solution) return unexpected(solution.error());
     result.joint = *std::move(solution);
+    if (has_ray && result.joint.status != Status::unbounded) coordination.failed_block.reset();
   }
   result.coordination = std::move(coordination);
   return result;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "model/tuning.h"
 #include "model/units.h"
@@ -59,7 +60,7 @@ struct Block {
 };
 
 // The cost's units only weigh Q against the rows during equilibration.
-void apply(Units units, ScaledProblem& p) {
+void apply(ScaleFactors units, ScaledProblem& p) {
   for (double& value : p.Q.values) value *= units.cost;
   apply(p.Q, units.variable);
   apply(p.A, 0, p.A.rows, units.equality, units.variable);
@@ -101,16 +102,26 @@ double cost_scale(double hessian, const Vector& g) {
   return size > 0.0 ? 1.0 / std::clamp(size, 1.0 / tuning::scale_range, tuning::scale_range) : 1.0;
 }
 
+// Chooses the factors of a problem that contains the user's numbers.
+void choose_factors(ScaledProblem& p, int passes, const Interrupt& interrupt) {
+  ScaleFactors units = choose_units(p, interrupt);
+  const double cost = units.cost;
+  apply(std::move(units), p);
+  equilibrate(p, passes, interrupt);
+  p.g.array() *= p.variable_scale.array();
+  p.cost_scale = cost_scale(mean_size(p.Q) / cost, p.g);  // Q contains `cost` too
+}
+
 ScaledSizes measure(const ScaledProblem& p) {
   ScaledSizes sizes;
-  sizes.variable.setZero(p.variables());
+  sizes.hessian.setZero(p.variables());
+  absorb_norms(p.Q, sizes.hessian);
+  sizes.variable = sizes.hessian;
   sizes.equality.setZero(p.equalities());
   sizes.row.setZero(p.layout.size());
-  absorb_norms(p.Q, sizes.variable);
   absorb_norms(p.A, sizes.equality, sizes.variable);
   absorb_norms(p.rows, sizes.row, sizes.variable);
-  sizes.hessian = mean_size(p.Q);
-  sizes.cost = std::max(sizes.hessian, max_abs(p.g));
+  sizes.gradient = max_abs(p.g);
   return sizes;
 }
 
@@ -127,18 +138,63 @@ bool has_drifted(const Vector& now, const Vector& then) {
   return false;
 }
 
-double power_of_two(double factor) { return std::ldexp(1.0, std::ilogb(factor * std::sqrt(2.0))); }
-
-// Returns the power of two nearest to 1/√norm.
-Vector powers(const Vector& norms) {
-  return norms.unaryExpr([](double norm) { return power_of_two(root_inverse(norm)); });
+// Each part by itself: a part that was large may have led to factors with which another hides that it is
+// gone.
+bool has_drifted(const ScaledSizes& now, const ScaledSizes& then) {
+  return has_drifted(now.variable, then.variable) || has_drifted(now.equality, then.equality) ||
+         has_drifted(now.row, then.row) || has_drifted(now.hessian, then.hessian);
 }
 
-void scale_cost_by_power(ScaledProblem& p) {
-  const double factor = power_of_two(cost_scale(mean_size(p.Q), p.g));
+bool gradient_has_drifted(double now, double then) {
+  return now == 0.0 || then == 0.0 ? now != then : has_drifted(now, then);
+}
+
+void multiply_cost(ScaledProblem& p, double factor) {
   for (double& value : p.Q.values) value *= factor;
   p.g *= factor;
   p.cost_scale *= factor;
+}
+
+void multiply(ScaledProblem& p, const ScaleFactors& by) {
+  multiply_cost(p, by.cost);
+  apply(p.Q, by.variable);
+  apply(p.A, 0, p.A.rows, by.equality, by.variable);
+  apply(p.rows, 0, p.rows.rows, by.row, by.variable);
+  p.g.array() *= by.variable.array();
+  p.b.array() *= by.equality.array();
+  p.offset.array() *= by.row.array();
+  p.variable_scale.array() *= by.variable.array();
+  p.equality_scale.array() *= by.equality.array();
+  p.row_scale.array() *= by.row.array();
+}
+
+double power_of_two(double factor) { return std::ldexp(1.0, std::ilogb(factor * std::sqrt(2.0))); }
+
+void scale_cost_by_power(ScaledProblem& p) {
+  multiply_cost(p, power_of_two(cost_scale(mean_size(p.Q), p.g)));
+}
+
+// From the factors of `p` to those that scale() would choose for its numbers, which are known to rounding.
+ScaleFactors powers_to_new_factors(const ScaledProblem& p, int passes) {
+  ScaledProblem user = p;
+  multiply(user, {p.variable_scale.cwiseInverse(), p.equality_scale.cwiseInverse(),
+                  p.row_scale.cwiseInverse(), 1.0 / p.cost_scale});
+  choose_factors(user, passes, {});
+  const auto ratio = [](const Vector& factors, const Vector& before) {
+    return Vector(factors.cwiseQuotient(before).unaryExpr(&power_of_two));
+  };
+  return {ratio(user.variable_scale, p.variable_scale), ratio(user.equality_scale, p.equality_scale),
+          ratio(user.row_scale, p.row_scale), power_of_two(user.cost_scale / p.cost_scale)};
+}
+
+// A factor goes with the root of a size.
+bool are_near_one(const ScaleFactors& factors) {
+  const auto near_one = [](double factor) {
+    return std::max(factor, 1.0 / factor) <= std::sqrt(tuning::scale_drift);
+  };
+  const auto all_near_one = [&](const Vector& each) { return std::ranges::all_of(each, near_one); };
+  return near_one(factors.cost) && all_near_one(factors.variable) && all_near_one(factors.equality) &&
+         all_near_one(factors.row);
 }
 
 Vector copy(std::span<const double> values) {
@@ -211,32 +267,18 @@ bool rescale(const ProblemUpdate& update, ScaledProblem& p) {
 
 bool refit_scaling(ScaledProblem& p, int passes, bool matrices_changed) {
   if (passes == 0) return false;
-  if (matrices_changed) {
-    const ScaledSizes now = measure(p);
-    if (!has_drifted(now.variable, p.sizes.variable) && !has_drifted(now.equality, p.sizes.equality) &&
-        !has_drifted(now.row, p.sizes.row) && !has_drifted(now.cost, p.sizes.cost))
-      return false;
-  } else if (!has_drifted(std::max(p.sizes.hessian, max_abs(p.g)), p.sizes.cost)) {
-    return false;
+  const double gradient = max_abs(p.g);
+  const bool drifted = gradient_has_drifted(gradient, p.sizes.gradient) ||
+                       (matrices_changed && has_drifted(measure(p), p.sizes));
+  if (!drifted) return false;
+  const ScaleFactors by = powers_to_new_factors(p, passes);
+  const bool refits = !are_near_one(by);
+  if (refits) {
+    multiply(p, by);
+    scale_cost_by_power(p);  // beyond tuning::scale_range
   }
-  scale_cost_by_power(p);
-  for (int pass = 0; pass < passes; ++pass) {
-    const ScaledSizes sizes = measure(p);
-    const Vector variable = powers(sizes.variable), equality = powers(sizes.equality),
-                 row = powers(sizes.row);
-    apply(p.Q, variable);
-    apply(p.A, 0, p.A.rows, equality, variable);
-    apply(p.rows, 0, p.rows.rows, row, variable);
-    p.g.array() *= variable.array();
-    p.b.array() *= equality.array();
-    p.offset.array() *= row.array();
-    p.variable_scale.array() *= variable.array();
-    p.equality_scale.array() *= equality.array();
-    p.row_scale.array() *= row.array();
-  }
-  scale_cost_by_power(p);
   p.sizes = measure(p);
-  return true;
+  return refits;
 }
 
 ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interrupt) {
@@ -257,12 +299,7 @@ ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interru
   p.c0 = view.c0;
 
   if (passes > 0) {
-    Units units = choose_units(p, interrupt);
-    const double cost = units.cost;
-    apply(std::move(units), p);
-    equilibrate(p, passes, interrupt);
-    p.g.array() *= p.variable_scale.array();
-    p.cost_scale = cost_scale(mean_size(p.Q) / cost, p.g);  // Q contains `cost` too
+    choose_factors(p, passes, interrupt);
   } else {
     p.variable_scale.setOnes(n);
     p.equality_scale.setOnes(p.A.rows);

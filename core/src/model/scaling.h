@@ -11,11 +11,19 @@
 
 namespace marble {
 
-/// Sizes of the scaled numbers: the largest entry of each row and column, and the cost.
+/// Sizes of the scaled numbers: the largest entry of each row and column.
 struct ScaledSizes {
   Vector variable, equality, row;
-  double hessian = 0.0;  ///< the mean of the largest entries of Q's columns
-  double cost = 0.0;     ///< hessian or the largest entry of g, whichever is larger
+  Vector hessian;         ///< of the columns of Q alone
+  double gradient = 0.0;  ///< of g
+};
+
+/// With which a problem is scaled, as above.
+struct ScaleFactors {
+  Vector variable;  ///< D, n
+  Vector equality;  ///< E_A, n_e
+  Vector row;       ///< E of [C; L; R], n_i + 2 n_c
+  double cost = 1.0;
 };
 
 struct ScaledProblem {
@@ -49,9 +57,10 @@ ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interru
 /// problem. Returns true if a matrix changed.
 bool rescale(const ProblemUpdate& update, ScaledProblem& problem);
 
-/// If numbers have left the range for which the scale factors were made, by tuning::scale_drift, multiplies
-/// the factors by powers of two, which change no bit of a mantissa. Returns true if it did: all results
-/// computed in scaled units are then invalid. Checks the matrices only if they have changed.
+/// If numbers have left the range for which the scale factors were made, by tuning::scale_drift, and scale()
+/// would choose other factors for them, multiplies the factors by powers of two, which change no bit of a
+/// mantissa. Returns true if it did: all results computed in scaled units are then invalid. Checks the
+/// matrices only if they have changed.
 bool refit_scaling(ScaledProblem& problem, int passes, bool matrices_changed);
 
 }  // namespace marble

@@ -59,7 +59,7 @@ class Fit {
     improve_columns();
     improve_size_and_cost();
   }
-  [[nodiscard]] Units units() const {
+  [[nodiscard]] ScaleFactors units() const {
     const double most = std::floor(std::log2(tuning::scale_range));
     const auto rounded = [most](double log) {
       return std::abs(log) < tuning::units_bits ? 1.0 : std::exp2(std::clamp(std::round(log), -most, most));
@@ -160,7 +160,7 @@ class Fit {
 
 }  // namespace
 
-Units choose_units(const ScaledProblem& p, const Interrupt& interrupt) {
+ScaleFactors choose_units(const ScaledProblem& p, const Interrupt& interrupt) {
   Fit fit(p);
   if (fit.near_one()) return fit.units();
   for (int pass = 0; pass < tuning::units_passes && !interrupt.requested(); ++pass) fit.improve();

@@ -130,6 +130,7 @@ void PathEngine::evaluate() {
 // point.
 Ending PathEngine::end_as_printed() {
   if (solved_afresh()) return {Status::solved, {}, {}};
+  if (!within_tolerances(violations_, options_)) return explain(false);  // they were updated until here
   return {Status::almost_solved, "Algorithm 1 looks at violations alone; " + describe(violations_), {}};
 }
 

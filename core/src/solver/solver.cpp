@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <tuple>
+#include <utility>
 
 #include "branch/branch_derivatives.h"
 #include "branch/parametric.h"
@@ -207,7 +208,8 @@ struct Solver::State {
   Iterate warm_start;
   double setup_s = 0.0;
   std::int64_t memory_bytes = 0;
-  double bytes_left = 0.0;  // of what the solver may take
+  double bytes_left = 0.0;        // of what the solver may take
+  bool has_new_matrices = false;  // since their scaling was fitted
 };
 
 void Solver::State::add_sensitivity(const Strategy::Answer& found, const SensitivityRequest& request,
@@ -289,14 +291,24 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& user_opti
 Expected<void> Solver::update(const ProblemUpdate& update) {
   if (auto valid = state_->sizes.check(update); !valid) return valid;
   take(update);
+  fit_scaling();
   return {};
 }
 
 void Solver::take(const ProblemUpdate& checked) {
-  const bool changed = rescale(checked, state_->problem);
-  const bool refitted = refit_scaling(state_->problem, state_->options.scaling_passes, changed);
-  if (!changed && !refitted) return;
-  if (refitted) state_->strategy.forget_scaling();
+  if (!rescale(checked, state_->problem)) return;
+  state_->has_new_matrices = true;
+  load_matrices();
+}
+
+void Solver::fit_scaling() {
+  const bool changed = std::exchange(state_->has_new_matrices, false);
+  if (!refit_scaling(state_->problem, state_->options.scaling_passes, changed)) return;
+  state_->strategy.forget_scaling();
+  load_matrices();
+}
+
+void Solver::load_matrices() {
   state_->kkt->load(state_->problem);
   state_->strategy.forget_matrices();
 }

@@ -50,7 +50,7 @@ void WarmSolver::begin_at(const Restart& restart) {
   if (restart.cold) newest_.reset();
   if (newest_) {
     solver_.shift_tree(restart.shift);
-    shift(restart.shift.variables, newest_->z);
+    if (!start_is_new_) shift(restart.shift.variables, newest_->z);  // else it is a start that was given
     shift(restart.shift.equalities, newest_->equality_multipliers);
     shift(restart.shift.inequalities, newest_->inequality_multipliers);
     shift(restart.shift.pairs, newest_->complementarity_multipliers_L);
@@ -97,6 +97,8 @@ Expected<Solution> WarmSolver::solve(const CheckedUpdate& update, const SolveCon
       return unexpected(inside("sensitivity", valid.error()));
   }
   if (auto taken = take(update); !taken) return unexpected(taken.error());
+  // Not in prepare(): its numbers may be replaced before a solve, which must not depend on them.
+  solver_.fit_scaling();
   SolveControls own = controls;
   own.initial_z = initial_z_;
   own.warm_start = newest_ ? &*newest_ : nullptr;

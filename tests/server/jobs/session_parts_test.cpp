@@ -104,6 +104,18 @@ TEST(SessionUpdate, TakesAlongWhatItDoesNotChangeItself) {
   EXPECT_TRUE(both.restart().cold);
 }
 
+TEST(SessionUpdate, TakesAlongAnInitialPointUnlessItHasNumbersOfItsOwn) {
+  v1::SessionUpdate older, empty, other;
+  older.mutable_initial_point()->mutable_z()->Resize(12, 4.0);
+  (void)empty.mutable_initial_point();
+  other.mutable_initial_point()->mutable_z()->Resize(12, 5.0);
+  Update without = checked(empty), with = checked(other);
+  without.take_along(checked(older));
+  with.take_along(checked(older));
+  EXPECT_EQ(of(without.checked().restart().initial_z), Values(12, 4.0));
+  EXPECT_EQ(of(with.checked().restart().initial_z), Values(12, 5.0));
+}
+
 TEST(SessionUpdate, ShiftsOfAnUpdateThatIsTakenAlongComeFirst) {
   const Update older = checked(shifting(0, 12, 1));
   Update newer = checked(shifting(6, 6, 3));

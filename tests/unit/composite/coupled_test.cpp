@@ -204,7 +204,34 @@ TEST(Coupled, AnUnboundedBlockThatNoRowHoldsIsNamed) {
   const CoupledSolution answer = solve_coupled(blocks.view()).value();
   EXPECT_EQ(answer.joint.status, Status::unbounded);
   EXPECT_EQ(answer.coordination.failed_block, 1U);
-  EXPECT_TRUE(answer.joint.detail.starts_with("block 1 (arm) is unbounded by itself")) << answer.joint.detail;
+  EXPECT_NE(answer.joint.detail.find("block 1 (arm) is unbounded by itself"), std::string::npos)
+      << answer.joint.detail;
+  CoupledOptions apart;
+  apart.joint = false;
+  const CoupledSolution unproved = solve_coupled(blocks.view(), apart).value();
+  EXPECT_EQ(unproved.joint.status, Status::numerical_failure) << unproved.joint.detail;
+  EXPECT_TRUE(unproved.joint.certificate.empty());
+  EXPECT_EQ(unproved.coordination.failed_block, 1U);
+}
+
+// ½x² + ½y₀² + y₁ with 0 ≤ 8 − y₁ ⊥ y₀ + 2 ≥ 0 falls along −y₁ where y₀ is −2; the row x + y₀ = 1 and x ≤ 2
+// permit that nowhere.
+TEST(Coupled, ARayOfABranchThatTheRowsExcludeIsNoProof) {
+  TwoBlocks blocks;
+  blocks.left.C = testing::sparse(Eigen::MatrixXd{{-1.0}});
+  blocks.left.d = {2.0};
+  blocks.right = {};
+  blocks.right.Q = testing::sparse(Eigen::Vector2d(1.0, 0.0).asDiagonal().toDenseMatrix());
+  blocks.right.g = {0.0, 1.0};
+  blocks.right.L = testing::sparse(Eigen::RowVector2d(0.0, -1.0));
+  blocks.right.l = {8.0};
+  blocks.right.R = testing::sparse(Eigen::RowVector2d(1.0, 0.0));
+  blocks.right.r = {2.0};
+  blocks.right_rows = testing::sparse(Eigen::RowVector2d(1.0, 0.0));
+  const CoupledSolution answer = solve_coupled(blocks.view()).value();
+  ASSERT_TRUE(is_solved(answer.joint.status)) << answer.joint.detail;
+  EXPECT_NEAR(answer.joint.z[2], 8.0, 1e-8);
+  EXPECT_FALSE(answer.coordination.failed_block.has_value());
 }
 
 TEST(Coupled, ABlockThatOnlyTheRowsHoldIsSolved) {

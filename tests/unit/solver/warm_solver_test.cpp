@@ -228,6 +228,41 @@ TEST(WarmSolver, ASecondPartMayChangeWhatTheFirstMadeReady) {
   EXPECT_EQ(parts.solve().value().z, whole.solve({}, {.cold = true}).value().z);
 }
 
+// The scale factors are fitted to the numbers of solves alone.
+TEST(WarmSolver, NumbersThatAreReplacedBeforeTheSolveLeaveNoTrace) {
+  const OwnedProblem first = examples::hopper({.steps = 12});
+  const Problem problem = Problem::create(first.view()).value();
+  for (const double size : {1e-200, 1e12, 1e200}) {
+    WarmSolver whole = WarmSolver::create(problem).value(), parts = WarmSolver::create(problem).value();
+    ASSERT_EQ(parts.solve().value().z, whole.solve().value().z);
+    Values far = first.g, Q = first.Q.values, b = first.b;
+    for (double& value : far) value += size;
+    for (double& value : Q) value *= size;
+    for (double& value : b) value *= 1.01;
+    ASSERT_TRUE(parts.prepare({.g = far}).has_value());
+    ASSERT_TRUE(parts.prepare({.g = first.g, .Q = Q}).has_value());
+    const Solution two = parts.solve({.b = b, .Q = first.Q.values}).value();
+    const Solution one = whole.solve({.g = first.g, .b = b, .Q = first.Q.values}).value();
+    EXPECT_EQ(two.z, one.z) << size;
+    EXPECT_EQ(two.factorizations, one.factorizations) << size;
+  }
+}
+
+TEST(WarmSolver, AShiftMovesTheLastSolutionAndNoInitialPoint) {
+  const examples::HopperParameters parameters{.steps = 12};
+  const OwnedProblem p = examples::hopper(parameters);
+  const Problem problem = Problem::create(p.view()).value();
+  const Restart shifted{.shift = Shift::by_stage(p.view(), parameters.steps).value()};
+  WarmSolver whole = WarmSolver::create(problem).value(), parts = WarmSolver::create(problem).value();
+  const Values start = whole.solve().value().z;
+  ASSERT_EQ(parts.solve().value().z, start);
+  ASSERT_TRUE(parts.prepare({}, {.initial_z = start}).has_value());
+  const Solution two = parts.solve({}, shifted).value();
+  const Solution one = whole.solve({}, {.initial_z = start, .shift = shifted.shift}).value();
+  EXPECT_EQ(two.z, one.z);
+  EXPECT_EQ(two.factorizations, one.factorizations);
+}
+
 TEST(WarmSolver, AFirstPartThatIsWrongChangesNothing) {
   const OwnedProblem first = examples::hopper({.steps = 12});
   WarmSolver solver = WarmSolver::create(Problem::create(first.view()).value()).value();

@@ -29,7 +29,6 @@ CONTROL: Final = "control"
 # Of data that it does not acknowledge, an update's say, the second is all that counts: TCP gives up then.
 _CONTROL_S: Final = (10.0, 1.0)
 _KEEPALIVE_RANGE_S: Final = (0.5, 86400.0)
-_MESSAGE_BYTES: Final = 256 << 20  # the server's default limit
 _DNS: Final = "dns:///"
 # A server that was restarted is found again within the longest of these, not within gRPC's two minutes.
 _FIRST_BACKOFF_MS: Final = 100
@@ -208,8 +207,8 @@ def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Targ
     by_name = len(addresses) == 1 and addresses[0].startswith(_DNS)
     silence_s, answer_s = connect.keepalive_s()
     options: list[tuple[str, Any]] = [
-        ("grpc.enable_retries", 1),  # of what no server has seen; all else is up to patience.py
-        ("grpc.per_rpc_retry_buffer_size", _MESSAGE_BYTES),
+        # patience.py retries. With retries of its own, gRPC 1.51 may never complete a stream whose connection fails.
+        ("grpc.enable_retries", 0),
         ("grpc.max_receive_message_length", -1),  # the server has its limit; the client must be able to read
         ("grpc.max_send_message_length", -1),
         ("grpc.keepalive_time_ms", round(1e3 * silence_s)),
