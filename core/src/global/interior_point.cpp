@@ -238,7 +238,7 @@ bool InteriorPoint::step() {
     ++factorizations_;
     if (kkt_->factor(weights_)) break;
     weights_.delta *= tuning::delta_raise;
-    if (kkt_->interrupt().requested() || weights_.delta > 1.0) return false;
+    if (kkt_->interrupt().requested() || !(weights_.delta <= 1.0)) return false;  // NaN too
   }
   if (!direction(0.0, false)) return false;
   trial_w_ = w_ + longest_step(w_, dw_, fixed_) * dw_;

@@ -16,7 +16,7 @@ Regularization::Regularization(const Options& options)
 
 bool Regularization::raise() {
   const double first = remembers_ ? std::max(first_, last_ / tuning::delta_lower) : first_;
-  current_ = current_ > base_ ? factor_ * current_ : first;
+  current_ = current_ > base_ ? factor_ * current_ : std::max(first, factor_ * base_);
   return current_ <= tuning::runaway;
 }
 
