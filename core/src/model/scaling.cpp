@@ -138,11 +138,9 @@ bool has_drifted(const Vector& now, const Vector& then) {
   return false;
 }
 
-// Each part by itself: a part that was large may have led to factors with which another hides that it is
-// gone.
 bool has_drifted(const ScaledSizes& now, const ScaledSizes& then) {
   return has_drifted(now.variable, then.variable) || has_drifted(now.equality, then.equality) ||
-         has_drifted(now.row, then.row) || has_drifted(now.hessian, then.hessian);
+         has_drifted(now.row, then.row) || has_drifted(now.cost(), then.cost());
 }
 
 bool gradient_has_drifted(double now, double then) {
@@ -170,8 +168,22 @@ void multiply(ScaledProblem& p, const ScaleFactors& by) {
 
 double power_of_two(double factor) { return std::ldexp(1.0, std::ilogb(factor * std::sqrt(2.0))); }
 
+// Returns the power of two nearest to 1/√norm.
+Vector powers(const Vector& norms) {
+  return norms.unaryExpr([](double norm) { return power_of_two(root_inverse(norm)); });
+}
+
 void scale_cost_by_power(ScaledProblem& p) {
   multiply_cost(p, power_of_two(cost_scale(mean_size(p.Q), p.g)));
+}
+
+void equilibrate_by_powers(ScaledProblem& p, int passes) {
+  scale_cost_by_power(p);
+  for (int pass = 0; pass < passes; ++pass) {
+    const ScaledSizes sizes = measure(p);
+    multiply(p, {powers(sizes.variable), powers(sizes.equality), powers(sizes.row)});
+  }
+  scale_cost_by_power(p);
 }
 
 // From the factors of `p` to those that scale() would choose for its numbers, which are known to rounding.
@@ -187,14 +199,15 @@ ScaleFactors powers_to_new_factors(const ScaledProblem& p, int passes) {
           ratio(user.row_scale, p.row_scale), power_of_two(user.cost_scale / p.cost_scale)};
 }
 
-// A factor goes with the root of a size.
-bool are_near_one(const ScaleFactors& factors) {
-  const auto near_one = [](double factor) {
-    return std::max(factor, 1.0 / factor) <= std::sqrt(tuning::scale_drift);
-  };
-  const auto all_near_one = [&](const Vector& each) { return std::ranges::all_of(each, near_one); };
-  return near_one(factors.cost) && all_near_one(factors.variable) && all_near_one(factors.equality) &&
-         all_near_one(factors.row);
+// Whether the factors of `p` make curvature smaller than the new ones by the square of what sizes may drift.
+// Where cost and variables only trade their units, as where g vanishes along a sequence, both are as good.
+bool hide_curvature(const ScaledProblem& p, const ScaleFactors& by) {
+  const double most = tuning::scale_drift * tuning::scale_drift;
+  for (Index column = 0; column < p.Q.size; ++column) {
+    if (p.Q.column_pointers[column] == p.Q.column_pointers[column + 1]) continue;
+    if (by.cost * by.variable[column] * by.variable[column] > most) return true;
+  }
+  return false;
 }
 
 Vector copy(std::span<const double> values) {
@@ -268,17 +281,25 @@ bool rescale(const ProblemUpdate& update, ScaledProblem& p) {
 bool refit_scaling(ScaledProblem& p, int passes, bool matrices_changed) {
   if (passes == 0) return false;
   const double gradient = max_abs(p.g);
-  const bool drifted = gradient_has_drifted(gradient, p.sizes.gradient) ||
-                       (matrices_changed && has_drifted(measure(p), p.sizes));
-  if (!drifted) return false;
+  bool drifted = has_drifted(std::max(p.sizes.hessian_mean(), gradient), p.sizes.cost());
+  bool hidden = gradient_has_drifted(gradient, p.sizes.gradient);
+  if (matrices_changed) {
+    const ScaledSizes now = measure(p);
+    drifted = has_drifted(now, p.sizes);
+    hidden |= has_drifted(now.hessian, p.sizes.hessian);
+  }
+  if (!drifted && !hidden) return false;
+  if (drifted) equilibrate_by_powers(p, passes);
+  // Many factors equilibrate a problem equally well. Those that extreme numbers led to hide that these are
+  // gone.
   const ScaleFactors by = powers_to_new_factors(p, passes);
-  const bool refits = !are_near_one(by);
-  if (refits) {
+  const bool misled = hide_curvature(p, by);
+  if (misled) {
     multiply(p, by);
     scale_cost_by_power(p);  // beyond tuning::scale_range
   }
   p.sizes = measure(p);
-  return refits;
+  return drifted || misled;
 }
 
 ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interrupt) {

@@ -5,6 +5,8 @@
 // A pair's two rows are scaled separately: s̄ t̄ = κ then relaxes s t to κ / (E_L E_R).
 #pragma once
 
+#include <algorithm>
+
 #include "marble/problem.h"
 #include "model/interrupt.h"
 #include "model/rows.h"
@@ -16,6 +18,9 @@ struct ScaledSizes {
   Vector variable, equality, row;
   Vector hessian;         ///< of the columns of Q alone
   double gradient = 0.0;  ///< of g
+
+  [[nodiscard]] double hessian_mean() const { return hessian.size() > 0 ? hessian.mean() : 0.0; }
+  [[nodiscard]] double cost() const { return std::max(hessian_mean(), gradient); }
 };
 
 /// With which a problem is scaled, as above.

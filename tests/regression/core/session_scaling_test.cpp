@@ -137,8 +137,8 @@ TEST(SessionScaling, FollowsNumbersThatReturn) {
     for (const Solution& back :
          {gradient.solve({.g = p.g}).value(), hessian.solve({.Q = p.Q.values}).value()}) {
       EXPECT_EQ(back.status, Status::solved) << size << ": " << back.detail;
-      EXPECT_LE(back.kkt_residual, 1e-10) << size;
-      for (std::size_t j = 0; j < 3; ++j) EXPECT_NEAR(back.z[j], expected.z[j], 1e-10) << size;
+      EXPECT_LE(back.kkt_residual, 1e-7) << size;
+      for (std::size_t j = 0; j < 3; ++j) EXPECT_NEAR(back.z[j], expected.z[j], 1e-7) << size;
     }
   }
 }
