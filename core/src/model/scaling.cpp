@@ -114,14 +114,16 @@ void choose_factors(ScaledProblem& p, int passes, const Interrupt& interrupt) {
 
 ScaledSizes measure(const ScaledProblem& p) {
   ScaledSizes sizes;
-  sizes.hessian.setZero(p.variables());
-  absorb_norms(p.Q, sizes.hessian);
-  sizes.variable = sizes.hessian;
+  sizes.columns.setZero(p.variables());
+  absorb_norms(p.Q, sizes.columns);
+  sizes.variable = sizes.columns;
   sizes.equality.setZero(p.equalities());
   sizes.row.setZero(p.layout.size());
   absorb_norms(p.A, sizes.equality, sizes.variable);
   absorb_norms(p.rows, sizes.row, sizes.variable);
+  sizes.hessian = p.variables() > 0 ? sizes.columns.mean() : 0.0;
   sizes.gradient = max_abs(p.g);
+  sizes.cost = std::max(sizes.hessian, sizes.gradient);
   return sizes;
 }
 
@@ -140,7 +142,7 @@ bool has_drifted(const Vector& now, const Vector& then) {
 
 bool has_drifted(const ScaledSizes& now, const ScaledSizes& then) {
   return has_drifted(now.variable, then.variable) || has_drifted(now.equality, then.equality) ||
-         has_drifted(now.row, then.row) || has_drifted(now.cost(), then.cost());
+         has_drifted(now.row, then.row) || has_drifted(now.cost, then.cost);
 }
 
 bool gradient_has_drifted(double now, double then) {
@@ -199,13 +201,20 @@ ScaleFactors powers_to_new_factors(const ScaledProblem& p, int passes) {
           ratio(user.row_scale, p.row_scale), power_of_two(user.cost_scale / p.cost_scale)};
 }
 
-// Whether the factors of `p` make curvature smaller than the new ones by the square of what sizes may drift.
-// Where cost and variables only trade their units, as where g vanishes along a sequence, both are as good.
+// Curvature that many times smaller than it could be is lost beside other numbers.
+double most_hidden() { return tuning::scale_drift * tuning::scale_drift; }
+
+bool have_hidden_curvature(const ScaledSizes& sizes) {
+  return std::ranges::any_of(sizes.columns,
+                             [](double size) { return size > 0.0 && size * most_hidden() < 1.0; });
+}
+
+// Whether the factors of `p` make curvature so much smaller than the new ones. Where cost and variables only
+// trade their units, as where g vanishes along a sequence, both are as good.
 bool hide_curvature(const ScaledProblem& p, const ScaleFactors& by) {
-  const double most = tuning::scale_drift * tuning::scale_drift;
   for (Index column = 0; column < p.Q.size; ++column) {
-    if (p.Q.column_pointers[column] == p.Q.column_pointers[column + 1]) continue;
-    if (by.cost * by.variable[column] * by.variable[column] > most) return true;
+    if (p.sizes.columns[column] > 0.0 && by.cost * by.variable[column] * by.variable[column] > most_hidden())
+      return true;
   }
   return false;
 }
@@ -281,25 +290,29 @@ bool rescale(const ProblemUpdate& update, ScaledProblem& p) {
 bool refit_scaling(ScaledProblem& p, int passes, bool matrices_changed) {
   if (passes == 0) return false;
   const double gradient = max_abs(p.g);
-  bool drifted = has_drifted(std::max(p.sizes.hessian_mean(), gradient), p.sizes.cost());
-  bool hidden = gradient_has_drifted(gradient, p.sizes.gradient);
+  bool drifted = has_drifted(std::max(p.sizes.hessian, gradient), p.sizes.cost);
+  bool drifted_alone = gradient_has_drifted(gradient, p.sizes.gradient);
   if (matrices_changed) {
-    const ScaledSizes now = measure(p);
+    ScaledSizes now = measure(p);
     drifted = has_drifted(now, p.sizes);
-    hidden |= has_drifted(now.hessian, p.sizes.hessian);
+    drifted_alone |= has_drifted(now.columns, p.sizes.columns);
+    p.sizes.columns = std::move(now.columns);
   }
-  if (!drifted && !hidden) return false;
-  if (drifted) equilibrate_by_powers(p, passes);
+  if (!drifted && !drifted_alone) return false;
+  p.sizes.gradient = gradient;
+  if (drifted) {
+    equilibrate_by_powers(p, passes);
+    p.sizes = measure(p);
+  }
   // Many factors equilibrate a problem equally well. Those that extreme numbers led to hide that these are
   // gone.
+  if (!have_hidden_curvature(p.sizes)) return drifted;
   const ScaleFactors by = powers_to_new_factors(p, passes);
-  const bool misled = hide_curvature(p, by);
-  if (misled) {
-    multiply(p, by);
-    scale_cost_by_power(p);  // beyond tuning::scale_range
-  }
+  if (!hide_curvature(p, by)) return drifted;
+  multiply(p, by);
+  scale_cost_by_power(p);  // beyond tuning::scale_range
   p.sizes = measure(p);
-  return drifted || misled;
+  return true;
 }
 
 ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interrupt) {

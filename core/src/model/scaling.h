@@ -5,22 +5,19 @@
 // A pair's two rows are scaled separately: s̄ t̄ = κ then relaxes s t to κ / (E_L E_R).
 #pragma once
 
-#include <algorithm>
-
 #include "marble/problem.h"
 #include "model/interrupt.h"
 #include "model/rows.h"
 
 namespace marble {
 
-/// Sizes of the scaled numbers: the largest entry of each row and column.
+/// Sizes of the scaled numbers: the largest entry of each row and column, and the cost.
 struct ScaledSizes {
   Vector variable, equality, row;
-  Vector hessian;         ///< of the columns of Q alone
-  double gradient = 0.0;  ///< of g
-
-  [[nodiscard]] double hessian_mean() const { return hessian.size() > 0 ? hessian.mean() : 0.0; }
-  [[nodiscard]] double cost() const { return std::max(hessian_mean(), gradient); }
+  Vector columns;         ///< of the columns of Q alone
+  double hessian = 0.0;   ///< the mean of `columns`
+  double gradient = 0.0;  ///< the largest entry of g
+  double cost = 0.0;      ///< hessian or gradient, whichever is larger
 };
 
 /// With which a problem is scaled, as above.
