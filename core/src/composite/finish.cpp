@@ -228,15 +228,16 @@ Expected<CoupledSolution> finish_coupled(const CoupledView& view, Coordination c
   result.blocks_objective = sum_of_objectives(coordination);
   // That is proved of all blocks only if a point of the whole has the block's ray; the joint solve decides.
   const bool has_ray = coordination.failed_block && coordination.status == Status::unbounded;
+  const bool block_decides = coordination.failed_block && !has_ray;
   if (has_ray) coordination.status = Status::numerical_failure;
   Solution start = stacked(coordination);
-  if (!stopped(coordination) && ((coordination.failed_block && !has_ray) || !options.joint)) {
+  if (!stopped(coordination) && (block_decides || !options.joint)) {
     result.joint = std::move(start);
     result.joint.status = coordination.status;
     result.joint.detail = coordination.detail;
     result.joint.objective = result.joint.reference_objective = result.blocks_objective;
     report_by_blocks(view, coordination, result.joint);
-    if (coordination.failed_block && !has_ray) {
+    if (block_decides) {
       const std::size_t k = *coordination.failed_block;
       result.joint.certificate = widened(view, result.places, k, coordination.answers[k].solution);
       result.joint.proved = coordination.status == Status::infeasible;

@@ -296,7 +296,7 @@ bool refit_scaling(ScaledProblem& p, int passes, bool matrices_changed) {
     ScaledSizes now = measure(p);
     drifted = has_drifted(now, p.sizes);
     drifted_alone |= has_drifted(now.columns, p.sizes.columns);
-    p.sizes.columns = std::move(now.columns);
+    if (drifted_alone) p.sizes.columns = std::move(now.columns);
   }
   if (!drifted && !drifted_alone) return false;
   p.sizes.gradient = gradient;

@@ -14,7 +14,7 @@ namespace marble {
 /// Sizes of the scaled numbers: the largest entry of each row and column, and the cost.
 struct ScaledSizes {
   Vector variable, equality, row;
-  Vector columns;         ///< of the columns of Q alone
+  Vector columns;         ///< of the columns of Q alone; as gradient, of their last drift
   double hessian = 0.0;   ///< the mean of `columns`
   double gradient = 0.0;  ///< the largest entry of g
   double cost = 0.0;      ///< hessian or gradient, whichever is larger
@@ -59,10 +59,10 @@ ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interru
 /// problem. Returns true if a matrix changed.
 bool rescale(const ProblemUpdate& update, ScaledProblem& problem);
 
-/// If numbers have left the range for which the scale factors were made, by tuning::scale_drift, and scale()
-/// would choose other factors for them, multiplies the factors by powers of two, which change no bit of a
-/// mantissa. Returns true if it did: all results computed in scaled units are then invalid. Checks the
-/// matrices only if they have changed.
+/// If numbers have left the range for which the scale factors were made, by tuning::scale_drift, or the
+/// factors now hide curvature that those of scale() would not, multiplies them by powers of two, which change
+/// no bit of a mantissa. Returns true if it did: all results computed in scaled units are then invalid.
+/// Checks the matrices only if they have changed.
 bool refit_scaling(ScaledProblem& problem, int passes, bool matrices_changed);
 
 }  // namespace marble
