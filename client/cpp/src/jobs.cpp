@@ -206,6 +206,7 @@ Expected<JobDetails> Jobs::get(const std::string& job_id) const {
   v1::GetJobResponse response;
   const grpc::Status status = connection_->jobs().Get(&context, request, &response);
   if (!status.ok()) return unexpected(client::to_error(status));
+  connection_->note_reached();
   auto options = options_of(response.options());
   if (!options) return unexpected(options.error());
   return JobDetails{client::job_info(response.job()), *options, client::job_trace(response.trace())};

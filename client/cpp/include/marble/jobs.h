@@ -210,9 +210,9 @@ class Jobs {
                                                       const ArrayControls& controls = {}) const;
 
   /// Passes each result of an array to `sink` once: first the existing ones, then the others as they arrive.
-  /// A lost connection is made again as often as needed; after a longer loss the call ends with unavailable,
-  /// and may be continued with `after`. If the array ended before all its elements had a result, returns the
-  /// reason as the error.
+  /// A lost connection is made again. If no server responds for 10 s, the call ends with unavailable, and may
+  /// be continued with `after`. If the array ended before all its elements had a result, returns the reason
+  /// as the error.
   [[nodiscard]] Expected<void> array(const std::string& job_id, const ArraySink& sink,
                                      const ArrayReading& reading = {}) const;
 
