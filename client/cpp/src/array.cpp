@@ -11,7 +11,7 @@
 #include "message/request.h"
 #include "message/request_id.h"
 #include "message/status.h"
-#include "remote/one_server.h"
+#include "remote/has_server.h"
 #include "remote/queue_wait.h"
 #include "text/message_text.h"
 
@@ -141,7 +141,7 @@ ArrayAnswer answer_of(const v1::ArrayResultsResponse& response) {
 
 Expected<SubmittedArray> Jobs::submit_array(const ArraySource& source, const ArrayControls& controls) const
     try {
-  if (auto one = client::one_server(connection_.get()); !one) return unexpected(one.error());
+  if (auto server = client::has_server(connection_.get()); !server) return unexpected(server.error());
   auto wait = client::QueueWait::create(controls.queue_wait, connection_->deadline_of(controls.deadline),
                                         controls.stop, controls.waiting);
   if (!wait) return unexpected(wait.error());
@@ -178,7 +178,7 @@ Expected<SubmittedArray> Jobs::submit_array(const ArraySource& source, const Arr
 // Makes a lost connection again; a result begins the wait for the server anew.
 Expected<void> Jobs::array(const std::string& job_id, const ArraySink& sink,
                            const ArrayReading& reading) const try {
-  if (auto one = client::one_server(connection_.get()); !one) return unexpected(one.error());
+  if (auto server = client::has_server(connection_.get()); !server) return unexpected(server.error());
   std::int64_t after = reading.after;
   Patience patience(std::nullopt, connection_->reached());
   while (true) {

@@ -172,8 +172,8 @@ struct WatchControls {
 };
 
 /// Is thread-safe, and may outlive its Client. No call throws. Errors: not_found if the job is unknown, no
-/// longer kept, or not visible to the caller; invalid_argument, field "address", if the client has several
-/// servers, because a job stays with the server that accepted it.
+/// longer kept, or not visible to the caller. With several addresses, the servers must share a store; else a
+/// job is known only to the server that accepted it.
 class Jobs {
  public:
   /// Queues a job that outlives this process. Of the controls only initial_z, warm_start, sensitivity and

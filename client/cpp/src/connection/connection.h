@@ -52,8 +52,6 @@ class Connection {
   void note_reached() const { reached_ = true; }
   /// Waits before the next try after the loss of a server. Returns true as soon as a stop is requested.
   [[nodiscard]] bool pause(std::chrono::duration<double> time, const std::stop_token& stop) const;
-  /// True if two calls may go to two servers.
-  [[nodiscard]] bool several() const { return target_.several; }
   [[nodiscard]] v1::Solver::Stub& solver() const { return *solver_; }
   /// Returns a stub for a stream that stays open, such as a session's: on a connection with a free stream,
   /// opened if there is none. The stream must end before the returned stub does. gRPC silently holds back
