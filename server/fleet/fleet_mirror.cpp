@@ -196,6 +196,8 @@ void FleetMirror::run() {
   const Asked late = take();
   for (const Look& look : late.looks) report(look, {});
   for (const PairFetch& fetch_pair : late.pair_fetches) fetch_pair.then(unexpected(draining()));
+  const MutexLock lock(mutex_);
+  working_ = false;  // calls that wait for changes end once this is settled
 }
 
 // No exception ends the thread, and with it the server.

@@ -1,7 +1,9 @@
+#include <algorithm>
 #include <deque>
 #include <new>
 
 #include "connection/connection.h"
+#include "connection/patience.h"
 #include "marble/batch.h"
 #include "marble/convert.h"
 #include "marble/jobs.h"
@@ -9,14 +11,18 @@
 #include "message/request.h"
 #include "message/request_id.h"
 #include "message/status.h"
-#include "remote/one_server.h"
+#include "remote/has_server.h"
 #include "remote/queue_wait.h"
 #include "text/message_text.h"
 
 namespace marble {
 namespace {
 
+using client::Patience;
+using Seconds = Patience::Seconds;
 using Writer = grpc::ClientWriter<v1::SubmitArrayRequest>;
+
+constexpr Seconds kShortestPause(0.01);
 
 Expected<void> fill(const ArrayControls& controls, v1::ArraySetup* setup) {
   if (auto valid = client::check_request_id(controls.request_id); !valid) return valid;
@@ -85,7 +91,6 @@ class ArrayMessages {
   }
 
  private:
-  using Seconds = std::chrono::duration<double>;
   static constexpr std::size_t kMostKept = 64U << 20U;  // bytes
   static constexpr std::size_t kBesides = 512;          // of a message, about
 
@@ -116,6 +121,12 @@ Expected<void> write(Writer& writer, ArrayMessages& messages) {
   return {};
 }
 
+// Returns how long to wait for a server that was lost; nothing for other errors, or if it was long enough.
+std::optional<Seconds> pause_after(const grpc::Status& status, Patience& patience) {
+  if (status.error_code() != grpc::StatusCode::UNAVAILABLE) return std::nullopt;
+  return patience.pause();
+}
+
 ArrayAnswer answer_of(const v1::ArrayResultsResponse& response) {
   ArrayAnswer answer{response.index(), response.sequence(), unexpected(Error{})};
   if (response.has_result()) {
@@ -130,12 +141,13 @@ ArrayAnswer answer_of(const v1::ArrayResultsResponse& response) {
 
 Expected<SubmittedArray> Jobs::submit_array(const ArraySource& source, const ArrayControls& controls) const
     try {
-  if (auto one = client::one_server(connection_.get()); !one) return unexpected(one.error());
+  if (auto server = client::has_server(connection_.get()); !server) return unexpected(server.error());
   auto wait = client::QueueWait::create(controls.queue_wait, connection_->deadline_of(controls.deadline),
                                         controls.stop, controls.waiting);
   if (!wait) return unexpected(wait.error());
   ArrayMessages messages(source, controls);
   if (auto set_up = messages.set_up(controls); !set_up) return unexpected(set_up.error());
+  Patience patience(std::nullopt, connection_->reached());
   while (true) {
     grpc::ClientContext context;
     connection_->prepare(context, wait->left());
@@ -146,18 +158,29 @@ Expected<SubmittedArray> Jobs::submit_array(const ArraySource& source, const Arr
     if (!written) context.TryCancel();
     const grpc::Status status = writer->Finish();
     if (!written) return unexpected(written.error());
-    if (status.ok()) return SubmittedArray{response.job_id(), response.elements()};
-    if (!messages.rewind() || !wait->pause(status)) return unexpected(wait->error(status));
+    if (status.ok()) {
+      connection_->note_reached();
+      return SubmittedArray{response.job_id(), response.elements()};
+    }
+    if (!messages.rewind()) return unexpected(wait->error(status));
+    if (const auto pause = pause_after(status, patience)) {
+      const auto left = wait->left();
+      if ((left && *pause >= *left) || connection_->pause(*pause, controls.stop))
+        return unexpected(wait->error(status));
+    } else if (!wait->pause(status)) {
+      return unexpected(wait->error(status));
+    }
   }
 } catch (const std::bad_alloc&) {
   return unexpected(out_of_memory());
 }
 
-// Makes a lost connection again as long as each one brings a result.
+// Makes a lost connection again; a result begins the wait for the server anew.
 Expected<void> Jobs::array(const std::string& job_id, const ArraySink& sink,
                            const ArrayReading& reading) const try {
-  if (auto one = client::one_server(connection_.get()); !one) return unexpected(one.error());
+  if (auto server = client::has_server(connection_.get()); !server) return unexpected(server.error());
   std::int64_t after = reading.after;
+  Patience patience(std::nullopt, connection_->reached());
   while (true) {
     grpc::ClientContext context;
     connection_->prepare(context);
@@ -169,11 +192,16 @@ Expected<void> Jobs::array(const std::string& job_id, const ArraySink& sink,
     v1::ArrayResultsResponse response;
     while (reader->Read(&response)) {
       after = response.sequence();
+      patience.reached();
+      connection_->note_reached();
       sink(answer_of(response));
     }
     const grpc::Status status = reader->Finish();
     if (status.ok()) return {};
-    if (status.error_code() != grpc::StatusCode::UNAVAILABLE || after == request.after())
+    auto pause = client::retry_after(status);
+    if (pause) patience.reached();
+    if (!pause) pause = pause_after(status, patience);
+    if (!pause || connection_->pause(std::max(*pause, kShortestPause), reading.stop))
       return unexpected(client::to_error(status, reading.stop));
   }
 } catch (const std::bad_alloc&) {

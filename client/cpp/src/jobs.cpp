@@ -12,14 +12,14 @@
 #include "message/request_id.h"
 #include "message/status.h"
 #include "remote/coupled_request.h"
-#include "remote/one_server.h"
+#include "remote/has_server.h"
 #include "remote/queue_wait.h"
 #include "remote/scenario_request.h"
 
 namespace marble {
 namespace {
 
-using client::one_server;
+using client::has_server;
 
 Expected<SubmittedJob> send(const client::Connection& connection, v1::SolveRequest request,
                             const std::stop_token& stop, const CallControls& call) {
@@ -53,7 +53,7 @@ Expected<SubmittedJob> send_coupled(const client::Connection& connection,
 
 Expected<v1::SolveResponse> response_of(const client::Connection* connection, const std::string& job_id,
                                         const ResultControls& controls) {
-  if (auto one = one_server(connection); !one) return unexpected(one.error());
+  if (auto server = has_server(connection); !server) return unexpected(server.error());
   grpc::ClientContext context;
   connection->prepare(context, connection->deadline_of(controls.deadline));
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
@@ -70,7 +70,7 @@ Expected<v1::SolveResponse> response_of(const client::Connection* connection, co
 
 Expected<SubmittedJob> Jobs::submit(const ProblemView& problem, const Options& options,
                                     const SolveControls& controls, const CallControls& call) const try {
-  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
+  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
   v1::SolveRequest request;
   const client::RequestParts parts{
       problem,         options,           controls.initial_z, controls.warm_start, controls.sensitivity,
@@ -83,7 +83,7 @@ Expected<SubmittedJob> Jobs::submit(const ProblemView& problem, const Options& o
 
 Expected<SubmittedJob> Jobs::submit(const ScenarioProblem& problem, const ScenarioSettings& settings,
                                     const SolveControls& controls, const CallControls& call) const try {
-  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
+  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
   auto request = client::make_request(problem, nullptr, settings, call);
   if (!request) return unexpected(request.error());
   return send(*connection_, std::move(*request->mutable_solve()), controls.stop, call);
@@ -93,7 +93,7 @@ Expected<SubmittedJob> Jobs::submit(const ScenarioProblem& problem, const Scenar
 
 Expected<SubmittedJob> Jobs::submit(const CoupledView& view, const CoupledOptions& options,
                                     const CoupledControls& controls, const CallControls& call) const try {
-  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
+  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
   return send_coupled(*connection_, client::make_request(view, options, controls, call), controls.stop, call);
 } catch (const std::bad_alloc&) {
   return unexpected(out_of_memory());
@@ -103,7 +103,7 @@ Expected<SubmittedJob> Jobs::submit_in_pieces(const Problem& problem,
                                               std::span<const Index> stage_of_variable,
                                               const PiecesOptions& options, const CoupledControls& controls,
                                               const CallControls& call) const try {
-  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
+  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
   return send_coupled(*connection_, client::make_request(problem, stage_of_variable, options, call),
                       controls.stop, call);
 } catch (const std::bad_alloc&) {
@@ -146,7 +146,7 @@ Expected<RemotePiecesSolution> Jobs::pieces(const std::string& job_id, const Res
 }
 
 Expected<JobBundle> Jobs::bundle(const std::string& job_id, const std::stop_token& stop) const try {
-  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
+  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
   grpc::ClientContext context;
   connection_->prepare(context);
   const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
@@ -168,7 +168,7 @@ Expected<JobBundle> Jobs::bundle(const std::string& job_id, const std::stop_toke
 }
 
 Expected<void> Jobs::remove(const std::string& job_id) const {
-  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
+  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
   v1::DeleteJobRequest request;
@@ -180,7 +180,7 @@ Expected<void> Jobs::remove(const std::string& job_id) const {
 }
 
 Expected<JobPage> Jobs::list(const JobQuery& query, const std::stop_token& stop) const {
-  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
+  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
   const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
@@ -198,7 +198,7 @@ Expected<JobPage> Jobs::list(const JobQuery& query, const std::stop_token& stop)
 }
 
 Expected<JobDetails> Jobs::get(const std::string& job_id) const {
-  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
+  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
   v1::GetJobRequest request;
@@ -206,13 +206,14 @@ Expected<JobDetails> Jobs::get(const std::string& job_id) const {
   v1::GetJobResponse response;
   const grpc::Status status = connection_->jobs().Get(&context, request, &response);
   if (!status.ok()) return unexpected(client::to_error(status));
+  connection_->note_reached();
   auto options = options_of(response.options());
   if (!options) return unexpected(options.error());
   return JobDetails{client::job_info(response.job()), *options, client::job_trace(response.trace())};
 }
 
 Expected<JobInfo> Jobs::cancel(const std::string& job_id) const {
-  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
+  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
   v1::CancelJobRequest request;
@@ -225,7 +226,7 @@ Expected<JobInfo> Jobs::cancel(const std::string& job_id) const {
 
 Expected<void> Jobs::watch(const std::string& job_id, const std::function<void(const JobEvent&)>& happened,
                            const WatchControls& controls) const {
-  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
+  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
   grpc::ClientContext context;
   connection_->prepare(context);
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });

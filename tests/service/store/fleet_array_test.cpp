@@ -215,6 +215,23 @@ TEST_F(FleetArrays, AServerThatStopsGivesItBackAtOnce) {
   EXPECT_EQ(reader.drain().size(), 1U);
 }
 
+// Otherwise it would wait for them in vain, and then cut their connections.
+TEST_F(FleetArrays, AServerThatStopsSendsReadersOfOtherServersArraysElsewhere) {
+  const auto a = start();
+  const std::string id = submit_array(a->jobs(), with_long(10, 4));
+  ASSERT_TRUE(eventually_done(*a, id, 4));
+  const auto b = start();
+  ArrayReader reader(b->jobs(), id);
+  for (int i = 0; i < 4; ++i) ASSERT_TRUE(reader.next().has_value());
+  b->server().terminate();
+  EXPECT_FALSE(reader.next().has_value());
+  const grpc::Status status = reader.finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE);
+  EXPECT_THAT(status.error_message(), HasSubstr("the server is draining"));
+  EXPECT_EQ(b->server().wait(), 0);
+  EXPECT_TRUE(a->cancel(id).ok());
+}
+
 TEST_F(FleetArrays, AnElementThatStopsItsServersIsSetAsideAndTheOthersGoOn) {
   constexpr int kElements = 12;
   const std::vector<std::string> with = flags({"--workers", "2"});

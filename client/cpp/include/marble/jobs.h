@@ -172,8 +172,8 @@ struct WatchControls {
 };
 
 /// Is thread-safe, and may outlive its Client. No call throws. Errors: not_found if the job is unknown, no
-/// longer kept, or not visible to the caller; invalid_argument, field "address", if the client has several
-/// servers, because a job stays with the server that accepted it.
+/// longer kept, or not visible to the caller. With several addresses, the servers must share a store; else a
+/// job is known only to the server that accepted it.
 class Jobs {
  public:
   /// Queues a job that outlives this process. Of the controls only initial_z, warm_start, sensitivity and
@@ -210,9 +210,9 @@ class Jobs {
                                                       const ArrayControls& controls = {}) const;
 
   /// Passes each result of an array to `sink` once: first the existing ones, then the others as they arrive.
-  /// A lost connection is made again as often as needed; after a longer loss the call ends with unavailable,
-  /// and may be continued with `after`. If the array ended before all its elements had a result, returns the
-  /// reason as the error.
+  /// A lost connection is made again. If no server responds for 10 s, the call ends with unavailable, and may
+  /// be continued with `after`. If the array ended before all its elements had a result, returns the reason
+  /// as the error.
   [[nodiscard]] Expected<void> array(const std::string& job_id, const ArraySink& sink,
                                      const ArrayReading& reading = {}) const;
 

@@ -4,6 +4,7 @@
 
 #include "connection/channel.h"
 #include "connection/credentials.h"
+#include "connection/patience.h"
 #include "connection/traceparent.h"
 #include "marble/contract.h"
 #include "text/printable.h"
@@ -114,6 +115,20 @@ Expected<void> Connection::prepare(grpc::ClientContext& context, const std::stri
   if (auto valid = check_traceparent(traceparent); !valid) return valid;
   add(context, traceparent.empty() ? options_.traceparent : traceparent, deadline);
   return {};
+}
+
+// gRPC connects only while a thread waits for a call, else once in five seconds: a call that waits for a
+// server.
+bool Connection::pause(std::chrono::duration<double> time, const std::stop_token& stop) const {
+  using Clock = std::chrono::steady_clock;
+  const auto end = Clock::now() + time;
+  grpc::ClientContext context;
+  prepare(context, time);
+  context.set_wait_for_ready(true);
+  const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
+  grpc::health::v1::HealthCheckResponse ignored;
+  static_cast<void>(health_->Check(&context, {}, &ignored));
+  return is_stopped_within(end - Clock::now(), stop);
 }
 
 void Connection::add(grpc::ClientContext& context, const std::string& traceparent,

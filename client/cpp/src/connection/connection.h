@@ -8,6 +8,7 @@
 #include <chrono>
 #include <memory>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -49,8 +50,8 @@ class Connection {
   /// True if a server has ever responded over it.
   [[nodiscard]] bool reached() const { return reached_; }
   void note_reached() const { reached_ = true; }
-  /// True if two calls may go to two servers.
-  [[nodiscard]] bool several() const { return target_.several; }
+  /// Waits before the next try after the loss of a server. Returns true as soon as a stop is requested.
+  [[nodiscard]] bool pause(std::chrono::duration<double> time, const std::stop_token& stop) const;
   [[nodiscard]] v1::Solver::Stub& solver() const { return *solver_; }
   /// Returns a stub for a stream that stays open, such as a session's: on a connection with a free stream,
   /// opened if there is none. The stream must end before the returned stub does. gRPC silently holds back

@@ -118,8 +118,7 @@ class Batch {
       if (queue_.done()) return {};
       if (queue_.is_closed()) return unexpected(error);  // there was no memory for more
       const auto pause = patience_.pause();
-      if (!pause || client::is_stopped_within(*pause, controls_.stop))
-        return unexpected(stopped().value_or(error));
+      if (!pause || connection_.pause(*pause, controls_.stop)) return unexpected(stopped().value_or(error));
     }
   }
 

@@ -4,7 +4,6 @@
 #include <functional>
 #include <map>
 #include <set>
-#include <thread>
 #include <utility>
 
 #include "connection/connection.h"
@@ -308,7 +307,7 @@ Expected<RemoteSolution> RemoteSession::solve(const ProblemUpdate& update, const
     }
     const Seconds left = most - (steady_clock::now() - begin);
     if (!lost() || left <= Seconds(0.0)) break;
-    std::this_thread::sleep_for(std::min(backoff, left));
+    static_cast<void>(stream_->connection->pause(std::min(backoff, left), stream_->stop));
   }
   return answer;
 }

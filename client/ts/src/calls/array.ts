@@ -1,5 +1,5 @@
 import { wholeOrZero } from "../base/checks.js";
-import { type MarbleError, invalid, within } from "../base/errors.js";
+import { type MarbleError, RefusedError, invalid, within } from "../base/errors.js";
 import type { Connection } from "../connection/connection.js";
 import { type ArrayElement as ElementMessage, JobsService, type SubmitArrayRequest } from "../generated/marble/v1/service.js";
 import { type CheckedProblem, type Problem, type ProblemUpdate, checkProblem, updateMessage } from "../model/problem.js";
@@ -82,7 +82,7 @@ function elementOf({ problem, update, ...controls }: ArrayElement, base: Checked
   return { solve, update: update && updateMessage(update, shape) };
 }
 
-/** Yields each result once, also across lost connections. */
+/** Yields each result once, also across lost connections. Waits while the server has too many readers. */
 export async function* arrayAnswers(
   connection: Connection,
   jobId: string,
@@ -102,6 +102,11 @@ export async function* arrayAnswers(
       }
       return;
     } catch (error) {
+      if (error instanceof RefusedError && error.retryAfterMs !== undefined) {
+        patience = undefined;
+        await new Patience({ totalMs: Infinity, signal }).pause(error);
+        continue;
+      }
       if (!isLost(error)) throw error;
       patience ??= new Patience({ totalMs: connection.waitMs, signal });
       await patience.pause(error);

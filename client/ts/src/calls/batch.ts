@@ -1,6 +1,6 @@
 import type { ClientDuplexStream } from "@grpc/grpc-js";
 
-import { MarbleError, errorOf } from "../base/errors.js";
+import { MarbleError, RefusedError, errorOf } from "../base/errors.js";
 import type { Connection } from "../connection/connection.js";
 import {
   type SolveBatchRequest,
@@ -38,7 +38,8 @@ type Source<Tag> = AsyncIterable<BatchProblem<Tag>> | Iterable<BatchProblem<Tag>
 
 /**
  * Yields results in the order of finishing. Requests the next problem from the source when the server has taken the
- * last one. If the server is lost or drains, the unsolved problems are sent to the next server.
+ * last one. If the server is lost or drains, the unsolved problems are sent to the next server; problems that a full
+ * server refused are sent again after the time that it requests.
  */
 export async function* batch<Tag>(
   connection: Connection,
@@ -78,6 +79,9 @@ export async function* batch<Tag>(
   }
 }
 
+/** A problem that a draining server refused goes to the next stream; if this one continues, it is sent again on it. */
+const drainingMs = 1000;
+
 interface Numbered<Tag> {
   tag: Tag;
   solve: SolveRequest;
@@ -96,6 +100,9 @@ class Sender<Tag> {
   private readonly unanswered = new Map<number, Numbered<Tag>>();
   private call?: Call;
   private count = 0;
+  /** Refused problems that are due on the present call, and the timers of the others. */
+  private again: number[] = [];
+  private readonly timers = new Set<NodeJS.Timeout>();
 
   constructor(
     source: Source<Tag>,
@@ -128,13 +135,23 @@ class Sender<Tag> {
       await this.write(call, number, solve);
     }
     while (this.call === call) {
-      const item = await this.peek();
+      const due = this.again.shift();
+      if (due !== undefined) {
+        await this.write(call, due, expect(this.unanswered.get(due)).solve);
+        continue;
+      }
+      if (this.isDone) {
+        call.end();
+        return;
+      }
+      const change = this.change();
+      const item = await (this.over ? change : Promise.race([this.peek(), change]));
       if (this.call !== call) return; // the next call sends it
+      if (item === undefined) continue;
       this.next = undefined;
       if (item.done) {
         this.over = true;
-        call.end();
-        return;
+        continue;
       }
       const solve = this.request(item.value);
       if (solve === undefined) continue;
@@ -152,18 +169,30 @@ class Sender<Tag> {
     return !item.done;
   }
 
-  /** The result of a problem; undefined if the next server must solve it. */
+  /** The result of a problem; undefined if it is sent again. */
   answer(number: number, outcome: SolveBatchResponse["outcome"]): BatchAnswer<Tag> | undefined {
     const { tag } = expect(this.unanswered.get(number));
     const { $case, value } = expect(outcome);
     const error = $case === "error" ? errorOfStatus(value) : undefined;
-    if (isLost(error)) {
-      this.refused = error;
+    if (isLost(error)) this.refused = error;
+    const pauseMs = pauseAfter(error);
+    if (pauseMs !== undefined) {
+      this.sendAgain(number, pauseMs);
       return undefined;
     }
     this.unanswered.delete(number);
+    if (this.isDone) this.changed();
     if ($case === "error") return { tag, error: errorOfStatus(value) };
     return { tag, solution: new Solution(value.jobId, expect(value.solution)) };
+  }
+
+  private sendAgain(number: number, pauseMs: number): void {
+    const timer = setTimeout(() => {
+      this.timers.delete(timer);
+      this.again.push(number);
+      this.changed();
+    }, pauseMs);
+    this.timers.add(timer);
   }
 
   /** Stops reading the source. */
@@ -192,9 +221,22 @@ class Sender<Tag> {
   }
 
   private leave(call: Call): void {
-    if (this.call === call) this.call = undefined;
+    if (this.call === call) {
+      this.call = undefined;
+      this.timers.forEach(clearTimeout);
+      this.timers.clear();
+      this.again = [];
+    }
+    this.changed();
     this.wake();
   }
+
+  // Resolves when a refused problem is due, every problem has its result, or the call has ended.
+  private change(): Promise<undefined> {
+    return new Promise((resolve) => (this.changed = () => resolve(undefined)));
+  }
+
+  private changed: () => void = () => undefined;
 
   // Resolves when the message was written: flow control delays it while the server does not read.
   private write(call: Call, tag: number, solve: SolveRequest): Promise<void> {
@@ -205,6 +247,12 @@ class Sender<Tag> {
   }
 
   private wake: () => void = () => undefined;
+}
+
+/** After how long a problem with this error is sent again; undefined if that does not help. */
+function pauseAfter(error: MarbleError | undefined): number | undefined {
+  if (error instanceof RefusedError) return error.retryAfterMs;
+  return isLost(error) ? drainingMs : undefined;
 }
 
 async function* each<Item>(source: AsyncIterable<Item> | Iterable<Item>): AsyncGenerator<Item, void, undefined> {

@@ -1,6 +1,7 @@
 // Calls that wait for a lost server or for room in its queue.
 import assert from "node:assert/strict";
 
+import { Metadata, status } from "@grpc/grpc-js";
 import {
   type BatchProblem,
   type Client,
@@ -12,7 +13,8 @@ import {
 } from "@marble/client";
 
 import { corner, endless, long } from "../support/problems.js";
-import { Server, eventually } from "../support/server.js";
+import { field, refusal, small, solved } from "../support/messages.js";
+import { Server, eventually, streamingStandIn } from "../support/server.js";
 import { test } from "../support/test.js";
 
 /** A client that has reached its server, with a long wait for slow machines. */
@@ -108,6 +110,22 @@ for (const how of ["kill", "drain"] as const) {
   });
 }
 
+test("an array is read to its end through restarts of its server", async () => {
+  await using server = await Server.start(["--workers", "1", "--state-dir", "{directory}/state", "--job-starts", "9"]);
+  using client = await known(server.address);
+  const elements = Array.from({ length: 300 }, (_, k) => ({ update: { c0: k } }));
+  const { jobId } = await client.jobs.submitArray(elements, { base: corner });
+  const indices = new Set<number>();
+  for await (const { index, sequence, solution } of client.jobs.array(jobId)) {
+    assert.ok(!indices.has(index), `${index} was answered twice`);
+    assert.ok(solution?.solved && Math.abs(solution.objective - (index - 9)) < 1e-6);
+    indices.add(index);
+    assert.equal(sequence, indices.size);
+    if (sequence === 20 || sequence === 150) await server.restart();
+  }
+  assert.equal(indices.size, elements.length);
+});
+
 test("a batch without unsolved problems waits for its source, not for the server", async () => {
   await using server = await Server.start();
   using client = await known(server.address, { waitMs: 500 });
@@ -152,4 +170,49 @@ test("a submission waits for room within its deadline", async () => {
   await eventually(async () => (await client.info()).counters.refusedTotal > refusals + 1);
   await client.jobs.cancel(busy.jobId);
   for (const { jobId } of await Promise.all(waits)) assert.ok((await client.jobs.result(jobId, { wait: true })).solved);
+});
+
+test("a batch sends a problem again that a full server refused", async () => {
+  const seen: number[] = [];
+  const full = await streamingStandIn("/marble.v1.Solver/SolveBatch", (call) => {
+    call.on("data", (request: Buffer) => {
+      const tag = request[1];
+      const isFirst = !seen.includes(tag);
+      seen.push(tag);
+      const outcome = tag === 1 && isFirst ? field(3, refusal()) : field(2, solved());
+      call.write(Buffer.concat([small(1, tag), outcome]));
+    });
+    call.on("end", () => call.end());
+  });
+  try {
+    using client = connect(full.address);
+    const tags: number[] = [];
+    for await (const { tag, error } of client.batch(many(3))) {
+      assert.equal(error, undefined);
+      tags.push(tag);
+    }
+    assert.deepEqual(tags.sort(), [0, 1, 2]);
+    assert.deepEqual(seen.sort(), [1, 1, 2, 3]);
+  } finally {
+    full.stop();
+  }
+});
+
+test("reading an array waits while the server has too many readers", async () => {
+  let calls = 0;
+  const full = await streamingStandIn("/marble.v1.Jobs/ArrayResults", (call) => {
+    const metadata = new Metadata();
+    metadata.set("grpc-status-details-bin", refusal());
+    if (calls++ === 0) return void call.emit("error", { code: status.RESOURCE_EXHAUSTED, details: "full", metadata });
+    call.write(Buffer.concat([small(1, 1), small(2, 0), field(3, solved())]));
+    call.end();
+  });
+  try {
+    using client = connect(full.address);
+    const sequences: number[] = [];
+    for await (const { sequence } of client.jobs.array("any")) sequences.push(sequence);
+    assert.deepEqual([calls, sequences], [2, [1]]);
+  } finally {
+    full.stop();
+  }
 });
