@@ -177,7 +177,7 @@ int work_class_of(std::int64_t bytes, const Options& options) {
   const auto bits = [](std::int64_t number) {
     return static_cast<int>(std::bit_width(static_cast<std::uint64_t>(number)));
   };
-  const auto starts = options.num_starts + static_cast<std::int64_t>(options.restart_budget);
+  const auto starts = options.num_starts + static_cast<std::int64_t>(options.effort);
   return 128 * bits(starts) + 2 * bits(bytes) + (options.global_search ? 1 : 0);
 }
 

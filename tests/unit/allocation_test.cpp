@@ -36,7 +36,7 @@ Solver make(const OwnedProblem& p, const Options& options) {
 }
 
 void expect_none_in_loop(const OwnedProblem& p, Options options) {
-  options.restart_budget = 0.0;  // each further start allocates its plan
+  options.effort = 0.0;  // each further start allocates its plan
   for (const Path path : {Path::fast, Path::paper}) {
     options.path = path;
     Solver solver = make(p, options);
@@ -110,7 +110,7 @@ TEST(Allocation, NoneInAnyFactorizationOfPolishAndLocalSearch) {
     for (const int searched : {0, 1}) {
       Options options;
       options.max_small_problem_nodes = 0;  // a tree has workspace of its own
-      options.restart_budget = 0.0;
+      options.effort = 0.0;
       options.max_local_search_factorizations = searched == 0 ? 0 : 200;
       Solver solver = make(p, options);
       const std::int64_t before = allocations();

@@ -35,6 +35,12 @@ class DualActiveSet {
   [[nodiscard]] bool recenter(ConstVectorRef slacks);
   /// Holds these rows, whatever their multipliers are now; those with a wrong sign are removed.
   [[nodiscard]] bool hold(const std::vector<Index>& rows);
+  /// Computes the multipliers of the held rows anew, after some are no longer fixed; those with a wrong sign
+  /// are removed.
+  [[nodiscard]] bool settle() {
+    gain_ = 0.0;
+    return solve_held();
+  }
   void set_kind(Index row, RowKind kind) { kind_[row] = kind; }
   [[nodiscard]] RowKind kind(Index row) const { return kind_[row]; }
 
@@ -42,6 +48,8 @@ class DualActiveSet {
   /// again; 1 adds the most violated of all rows each time.
   void consider(int candidates) { most_candidates_ = candidates; }
   [[nodiscard]] End run(double enough, int most_steps, const Interrupt& interrupt);
+  /// Returns the objective, from that of the center's multipliers.
+  [[nodiscard]] double objective() const { return -0.5 * (mu_ - mu_center_).dot(v_ + v_center_); }
   /// Returns the increase of the objective since start(), recenter() or hold().
   [[nodiscard]] double gain() const { return gain_; }
   [[nodiscard]] std::int64_t steps() const { return steps_; }

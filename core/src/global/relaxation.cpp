@@ -62,6 +62,15 @@ bool Relaxation::start(const Center& center, const std::vector<Index>& held, dou
   return set_.hold(held);
 }
 
+bool Relaxation::release(const std::vector<Index>& rows) {
+  const double before = bound_ - set_.objective();
+  bound_ = -kInfinity;
+  for (const Index row : rows) set_.set_kind(row, DualActiveSet::RowKind::inequality);
+  const bool settled = set_.settle();
+  estimate_ = before + set_.objective();
+  return settled;
+}
+
 // Computes the minimum around the center for the current multipliers.
 bool Relaxation::find_point() {
   z_ = z_center_;
@@ -120,7 +129,7 @@ void Relaxation::lengthen_step() {
 
 Relaxation::End Relaxation::solve(const Box& box, double cutoff, const Interrupt& interrupt) {
   forget_best();
-  double enough = cutoff - bound_;
+  double enough = cutoff - std::max(bound_, std::exchange(estimate_, -kInfinity));
   double paid = kInfinity;
   bool undecided = false;
   const double parent = bound_;

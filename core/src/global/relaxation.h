@@ -33,6 +33,8 @@ class Relaxation final : public NodeEngine {
                            double parent_bound) override;
   /// Fixes a side of a pair at zero.
   void fix(Index row) override { set_.set_kind(row, DualActiveSet::RowKind::fixed); }
+  /// Frees sides that were fixed, after restore(), for the next solve(). Returns false if interrupted.
+  [[nodiscard]] bool release(const std::vector<Index>& rows);
   /// Solves the relaxation with the current fixings. `cutoff` and bounds are scaled objectives.
   [[nodiscard]] End solve(const Box& box, double cutoff, const Interrupt& interrupt) override;
 
@@ -76,6 +78,7 @@ class Relaxation final : public NodeEngine {
   Vector z_, y_, z_center_, y_center_;
   Vector signed_, step_, image_, rates_;
   double bound_ = 0.0;
+  double estimate_ = -std::numeric_limits<double>::infinity();  // of the objective, after release()
   struct {
     DualActiveSet::State set;
     Vector z, y, z_center, y_center;

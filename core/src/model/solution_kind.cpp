@@ -80,26 +80,30 @@ const Texts& texts_of(SolutionKind kind) { return kKinds[static_cast<std::size_t
 // Each segment has had the budget to itself: the sum of their factorizations says nothing of it.
 bool solved_in_segments(const Solution& s) { return s.detail.find("segments; ") != std::string::npos; }
 
+// Each search has a budget of its own, and option effort adds to that of the first one.
+double most_factorizations(const Options& options) {
+  return options.max_local_search_factorizations * (options.num_starts + options.effort);
+}
+
 }  // namespace
 
 const char* to_string(SolutionKind kind) { return texts_of(kind).name; }
 
 SolutionFacts facts_of(const Solution& s, const Options& options) {
-  return {
-      .status = s.status,
-      .proved = s.proved,
-      .stationarity = s.stationarity,
-      .b_stationary = s.b_stationary,
-      .second_order = s.second_order,
-      .objective = s.objective,
-      .bound = s.bound,
-      .gap = s.gap,
-      .feasible = within_tolerances(s.violations, options),
-      .pairs = static_cast<std::int64_t>(s.complementarity_multipliers_L.size()),
-      .factorizations = s.factorizations,
-      .budget_spent = s.factorizations >= options.max_local_search_factorizations && !solved_in_segments(s),
-      .starts = options.num_starts,
-      .global_search = options.global_search};
+  return {.status = s.status,
+          .proved = s.proved,
+          .stationarity = s.stationarity,
+          .b_stationary = s.b_stationary,
+          .second_order = s.second_order,
+          .objective = s.objective,
+          .bound = s.bound,
+          .gap = s.gap,
+          .feasible = within_tolerances(s.violations, options),
+          .pairs = static_cast<std::int64_t>(s.complementarity_multipliers_L.size()),
+          .factorizations = s.factorizations,
+          .budget_spent = s.factorizations >= most_factorizations(options) && !solved_in_segments(s),
+          .starts = options.num_starts,
+          .global_search = options.global_search};
 }
 
 SolutionKind kind_of(const SolutionFacts& s) {

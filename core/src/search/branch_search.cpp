@@ -217,8 +217,8 @@ bool BranchSearch::run_round(Run& run, int count, int most_factorizations, int m
 void BranchSearch::start_again(Run& run, const std::function<void()>& settle) {
   const PhaseScope phase(run.activity(), Phase::starts);
   const double before = std::min(run.factorizations, options_.max_local_search_factorizations);
-  const double last = run.factorizations + options_.restart_budget * before;
-  const double most_useless = tuning::useless_restarts * std::max(1.0, options_.restart_budget);
+  const double last = run.factorizations + options_.effort * before;
+  const double most_useless = tuning::useless_restarts * std::max(1.0, options_.effort);
   int useless = 0;
   for (int made = 0;
        useless < most_useless && run.factorizations < last && incumbent_.exists() && !run.interrupted();

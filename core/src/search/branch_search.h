@@ -55,7 +55,7 @@ class BranchSearch {
   /// Searches from the end of a penalty homotopy, if that applies, with at most as many factorizations as the
   /// run has taken so far. Further starts follow if this gave a better branch.
   void from_penalties(Run& run, ConstVectorRef initial_z);
-  /// Runs further starts one by one within option restart_budget, as long as they gain. Calls `settle` after
+  /// Runs further starts one by one within option effort, as long as they gain. Calls `settle` after
   /// each that replaces the incumbent.
   void start_again(Run& run, const std::function<void()>& settle);
   /// Runs the requested further starts from the incumbent, in rounds. Calls `settle` after each that replaces

@@ -15,7 +15,8 @@ namespace marble {
 // For a small problem, the tree may solve what no engine has solved.
 std::optional<Strategy::Answer> Strategy::find_by_small_tree(Run& run, TreeResult& tree) {
   if (run.interrupted() || !is_small(run)) return std::nullopt;
-  tree = search_small_tree(run, path_point_.x.z(), optimality_.known_convex());
+  tree =
+      search_small_tree(run, path_point_.x.z(), optimality_.known_convex(), options_.max_small_problem_nodes);
   if (tree.ray) return Answer{unbounded_along(*std::exchange(tree.ray, {})), &path_point_.x};
   if (!incumbent_.exists()) return std::nullopt;
   Answer answer = finish_cold(run, false);

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "global/exchange_search.h"
 #include "global/implied_bounds.h"
 #include "horizon/segments.h"
 #include "model/text_of.h"
@@ -230,22 +231,26 @@ bool Strategy::is_small_for_its_pairs(const Run& run) const {
 }
 
 // The part of a cold solve after its first solution: global search if the problem is small, otherwise further
-// starts within restart_budget, and the requested starts. Each result is settled at once, so that later steps
+// starts within effort, and the requested starts. Each result is settled at once, so that later steps
 // do not depend on how many starts remain: more starts never end worse.
 Strategy::Answer Strategy::finish_cold(Run& run, bool is_first) {
   const Run::Searching searching(run);
   bring_near(run);
   Answer answer = finish_exact_cold(run);
-  const bool small = is_first && (is_small(run) || is_small_for_its_pairs(run));
+  const std::int64_t work = small_problem_work();
+  const bool small = is_first && work > 0 && (is_small(run) || is_small_for_its_pairs(run));
   const bool again = is_first && may_start_again();
-  if (!incumbent_.exists() || run.interrupted() || (!small && !again && options_.num_starts == 1))
-    return answer;
+  const bool exchange = is_first && may_exchange();
+  if (!incumbent_.exists() || run.interrupted()) return answer;
+  if (!small && !again && !exchange && options_.num_starts == 1) return answer;
   const double before = incumbent_.best().objective;
   const bool known_convex = optimality_.convex(run);
   TreeResult tree;
-  if (small) tree = search_small_tree(run, incumbent_.best().x.z(), known_convex);
+  if (small) tree = search_small_tree(run, incumbent_.best().x.z(), known_convex, work);
   if (tree.ray) return {unbounded_along(*std::move(tree.ray)), &path_point_.x};
   const bool convex = known_convex || tree.end != TreeResult::End::none;
+  std::string remark;
+  if (exchange && convex && !tree.proved) remark = exchange_pairs(run, tree.nodes);
   std::optional<Multistart> elsewhere;
   if (!convex) elsewhere.emplace(problem_, kkt_, branch_.point, incumbent_);
   std::optional<UnboundedRay> ray;
@@ -253,18 +258,16 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool is_first) {
     if (std::optional<UnboundedRay> found = optimality_.judge(run).unbounded) ray = std::move(found);
     show_incumbent(run);
   };
-  const auto start_elsewhere = [&](int count, int last) {
+  const auto start_elsewhere = [&](std::int64_t count, std::int64_t last) {
     const PhaseScope phase(run.activity(), Phase::starts);
     for (int start = 0; start < count && run.factorizations < last && !run.interrupted(); ++start) {
       run.set_done(Phase::starts, start, count);
-      if (elsewhere->next(run, std::min(last, run.factorizations + options_.max_local_search_factorizations)))
-        settle();
+      const int most = run.factorizations + options_.max_local_search_factorizations;
+      if (elsewhere->next(run, static_cast<int>(std::min<std::int64_t>(last, most)))) settle();
     }
   };
   // For a small problem, one start covers as many starting points as the budget has factorizations.
-  const auto start_small = [&] {
-    start_elsewhere(options_.max_small_problem_nodes, run.factorizations + options_.max_small_problem_nodes);
-  };
+  const auto start_small = [&] { start_elsewhere(work, run.factorizations + work); };
   if (small && !convex) start_small();
   if (again && !tree.proved) search_.start_again(run, settle);
   if (!tree.proved) search_.start_further(run, settle);
@@ -275,6 +278,7 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool is_first) {
   if (incumbent_.best().objective < before) answer = finish_exact_cold(run);
   if (small)
     answer.ending.detail += "; max_small_problem_nodes: " + (convex ? tree.remark : "starts elsewhere");
+  answer.ending.detail += remark;
   if (tree.proved) {
     answer.b_stationary = true;
   } else if (std::isfinite(tree.bound)) {
@@ -286,14 +290,38 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool is_first) {
 
 // Segments take the place of further starts where a problem is large enough for both.
 bool Strategy::may_start_again() const {
-  return may_search_on() && options_.restart_budget > 0.0 && problem_.pairs() > tuning::small_pairs &&
+  return may_search_on() && options_.effort > 0.0 && problem_.pairs() > tuning::small_pairs &&
          !may_have_segments(problem_);
 }
 
+// The limit max_small_problem_nodes, by option effort.
+std::int64_t Strategy::small_problem_work() const {
+  return static_cast<std::int64_t>(
+      std::min<double>(std::numeric_limits<int>::max(), options_.effort * options_.max_small_problem_nodes));
+}
+
+bool Strategy::may_exchange() const {
+  return may_search_on() && small_problem_work() > 0 && problem_.pairs() >= 2 &&
+         problem_.pairs() <= tuning::exchange_pairs;
+}
+
+// Before the first gain, it takes at most about as long as the solve has taken, with this number of nodes of
+// a tree. Returns a remark.
+std::string Strategy::exchange_pairs(Run& run, std::int64_t nodes) {
+  const PhaseScope phase(run.activity(), Phase::tree);
+  const auto first = static_cast<std::int64_t>(tuning::exchange_first * run.factorizations) + nodes;
+  const auto most =
+      static_cast<std::int64_t>(tuning::exchange_most * static_cast<double>(small_problem_work()));
+  ExchangeSearch search(problem_, branch_.point, incumbent_);
+  const std::int64_t bounded = search.run(run, {first, most}, tree_bytes_);
+  show_incumbent(run);
+  return "; exchanges: " + std::to_string(bounded) + " branches";
+}
+
 // Returns what the tree proves, and its counters.
-TreeResult Strategy::search_small_tree(Run& run, ConstVectorRef z, bool known_convex) {
+TreeResult Strategy::search_small_tree(Run& run, ConstVectorRef z, bool known_convex, std::int64_t nodes) {
   Options few = options_;
-  few.node_limit = options_.max_small_problem_nodes;
+  few.node_limit = static_cast<int>(nodes);
   // A small objective needs as many digits: a cost in other units is the same problem.
   if (incumbent_.exists()) {
     const double size =

@@ -168,8 +168,12 @@ class Strategy {
   [[nodiscard]] bool is_small_for_its_pairs(const Run& run) const;
   [[nodiscard]] Answer finish_cold(Run& run, bool is_first);
   [[nodiscard]] bool may_start_again() const;
+  [[nodiscard]] bool may_exchange() const;
+  [[nodiscard]] std::int64_t small_problem_work() const;
+  [[nodiscard]] std::string exchange_pairs(Run& run, std::int64_t nodes);
   [[nodiscard]] std::optional<Answer> find_by_small_tree(Run& run, TreeResult& tree);
-  [[nodiscard]] TreeResult search_small_tree(Run& run, ConstVectorRef z, bool known_convex);
+  [[nodiscard]] TreeResult search_small_tree(Run& run, ConstVectorRef z, bool known_convex,
+                                             std::int64_t nodes);
   [[nodiscard]] Answer finish_path(Run& run, ConstVectorRef initial_z, Ending end);
   [[nodiscard]] Optimality::Descended descend_from_path(Run& run);
   [[nodiscard]] std::optional<Answer> find_feasible(Run& run, ConstVectorRef z);

@@ -8,6 +8,7 @@
 #include "model.h"
 #include "problems/noise.h"
 #include "support/random/box_qp.h"
+#include "support/random/portfolio.h"
 
 namespace marble::suite {
 namespace {
@@ -198,13 +199,23 @@ std::vector<HardProblem> hard_problems(int seeds, bool judging) {
     add("game " + std::to_string(n), [n](std::uint64_t seed) { return game(n, seed); });
   for (const Index n : {20, 40, 100})
     add("LCP " + std::to_string(n), [n](std::uint64_t seed) { return planted_lcp(n, seed); });
-  for (const Index n : {8, 10, 15, 20}) {
-    add("best box QP " + std::to_string(n), [n](std::uint64_t seed) { return testing::box_qp(n, seed); });
+  const auto add_known = [&](const std::string& family, auto&& make, auto&& optimum) {
+    add(family, make);
     for (int number = 0; number < seeds; ++number) {
-      HardProblem& problem = all[all.size() - static_cast<std::size_t>(seeds - number)];
-      problem.optimum =
-          testing::box_qp_descent(n, static_cast<std::uint64_t>(2 * number + (judging ? 2 : 1)));
+      all[all.size() - static_cast<std::size_t>(seeds - number)].optimum =
+          optimum(static_cast<std::uint64_t>(2 * number + (judging ? 2 : 1)));
     }
+  };
+  for (const Index n : {8, 10, 15, 20}) {
+    add_known(
+        "best box QP " + std::to_string(n), [n](std::uint64_t seed) { return testing::box_qp(n, seed); },
+        [n](std::uint64_t seed) { return testing::box_qp_descent(n, seed); });
+  }
+  for (const Index n : {20, 30, 40}) {
+    add_known(
+        "best portfolio " + std::to_string(n),
+        [n](std::uint64_t seed) { return testing::portfolio(n, 4, seed); },
+        [n](std::uint64_t seed) { return testing::best_portfolio(n, 4, seed); });
   }
   add("bilevel 24", bilevel);
   add("indefinite", [](std::uint64_t seed) {

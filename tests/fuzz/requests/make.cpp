@@ -171,7 +171,7 @@ void make_options(Draw& draw, v1::SolveOptions* o) {
   if (draw.chance(10)) o->set_retraction(static_cast<v1::Retraction>(draw.between(1, 2)));
   if (draw.chance(20)) o->set_global_search(true);
   if (draw.chance(10)) o->set_num_starts(draw.between(1, 4));
-  if (draw.chance(10)) o->set_restart_budget(draw.between(0, 3));
+  if (draw.chance(10)) o->set_effort(draw.between(0, 3));
   if (draw.chance(10)) o->set_polish(draw.chance(50));
   if (draw.chance(10)) o->set_max_local_search_factorizations(draw.between(0, 100));
   if (draw.chance(10)) o->set_max_small_problem_nodes(draw.between(0, 30));

@@ -48,7 +48,7 @@ void limit_budgets(v1::SolveOptions* o) {
   MARBLE_LIMIT(node_limit, 40)
 #undef MARBLE_LIMIT
   if (o->num_starts() > 3) o->set_num_starts(3);
-  if (!o->has_restart_budget() || o->restart_budget() > 3.0) o->set_restart_budget(1.0);
+  if (!o->has_effort() || o->effort() > 3.0) o->set_effort(1.0);
   if (o->time_limit_s() > 0.0) o->clear_time_limit_s();
 }
 

@@ -64,7 +64,7 @@ TEST(Options, ThoseThatCountOnlyBesideOthersSaySo) {
     }
   }
   EXPECT_EQ(others, (std::set<std::string_view>{"node_limit", "max_feasibility_factorizations",
-                                                "max_small_problem_nodes", "restart_budget"}));
+                                                "max_small_problem_nodes", "effort"}));
   EXPECT_EQ(option_scope("no_option"), "");
 }
 

@@ -219,8 +219,8 @@ TEST(Ending, IndefiniteProblemsWithoutABoundEndAtALocalSolutionOrWithARay) {
 
 // Wherever a solve is stopped, in whichever engine, it says so and gives the best point the path had.
 TEST(Ending, ATimeLimitIsSaidWhereverItStrikes) {
-  const OwnedProblem p = examples::gates();      // its path ends infeasible, other engines take over
-  const Options options{.restart_budget = 0.0};  // further starts begin with a solution
+  const OwnedProblem p = examples::gates();  // its path ends infeasible, other engines take over
+  const Options options{.effort = 0.0};      // further starts begin with a solution
   const Solution whole = solve_in_process(p.view(), options).value();
   ASSERT_EQ(whole.status, Status::solved);
   class StopAfter : public ProgressSink {

@@ -93,8 +93,8 @@ TEST(FurtherStarts, MoreOfThemAreNeverWorseOnRandomProblemsConvexOrNot) {
   EXPECT_GT(better, 0) << "where Q is not convex";
 }
 
-Solution within(double restart_budget, const OwnedProblem& p) {
-  return solve_in_process(p.view(), Options{.restart_budget = restart_budget}).value();
+Solution within(double effort, const OwnedProblem& p) {
+  return solve_in_process(p.view(), Options{.effort = effort}).value();
 }
 
 TEST(FurtherStarts, RunUnaskedWithinTheirBudget) {

@@ -102,7 +102,7 @@ TEST(PenaltyHomotopy, TakesTheNumbersThatTheProblemHasNow) {
 // 33.08 without it; the paper reports 29.20 (Gurobi), 29.21 (LCQPow) and 31.68.
 TEST(PenaltyHomotopy, TakesThePublishedHopperBelowWhatThePaperReports) {
   const OwnedProblem p = examples::published_hopper();
-  const Solution s = solve_in_process(p.view(), Options{.restart_budget = 0.0}).value();
+  const Solution s = solve_in_process(p.view(), Options{.effort = 0.0}).value();
   EXPECT_EQ(s.status, Status::solved) << s.detail;
   EXPECT_LE(s.objective, 29.21);
   EXPECT_LE(s.factorizations, 1200);

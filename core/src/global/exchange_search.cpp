@@ -1,0 +1,153 @@
+#include "global/exchange_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "model/tuning.h"
+#include "path/noise.h"
+
+namespace marble {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+}  // namespace
+
+ExchangeSearch::ExchangeSearch(const ScaledProblem& problem, BranchPoint& point, Incumbent& incumbent)
+    : problem_(problem), point_(point), incumbent_(incumbent) {}
+
+bool ExchangeSearch::prepare(Run& run, double most_bytes) {
+  const double bytes = most_bytes - Gram::most_bytes(problem_);
+  KktCost least;
+  std::unique_ptr<Kkt> kkt = make_kkt(problem_, {bytes, kInfinity}, run.interrupt(), least);
+  if (kkt == nullptr) return false;
+  gram_ = std::make_unique<Gram>(problem_);
+  engine_ = std::make_unique<Relaxation>(problem_, std::move(kkt), *gram_);
+  const double size = max_abs(incumbent_.best().x.z().cwiseProduct(problem_.variable_scale));
+  box_.emplace(problem_, tuning::tree_radius * (1.0 + size));
+  return engine_->bytes() <= bytes && engine_->prepare(run);
+}
+
+std::int64_t ExchangeSearch::run(Run& run, const Budget& budget, double most_bytes) {
+  const Run::Polishing polishing(run);
+  bounded_ = 0;
+  most_ = budget.most;
+  last_ = std::min(budget.first, budget.most);
+  if (last_ <= 0 || !prepare(run, most_bytes) || !start(run)) return bounded_;
+  while (descend(run)) {
+    if (!perturb(run)) break;
+  }
+  return bounded_;
+}
+
+// Solves the incumbent's branch by the engine.
+bool ExchangeSearch::start(Run& run) {
+  const ExactSolution& best = incumbent_.best();
+  sides_ = best.set.s_fixed;
+  next_ = draw_pair();
+  if (!engine_->start(best.x.z())) return false;
+  for (Index pair = 0; pair < problem_.pairs(); ++pair) engine_->fix(best.set.fixed_row(pair));
+  ++bounded_;
+  if (engine_->solve(*box_, kInfinity, run.interrupt()) != NodeEngine::End::optimal) return false;
+  objective_ = engine_->bound();
+  engine_->save();
+  return true;
+}
+
+Index ExchangeSearch::draw_pair() { return static_cast<Index>(noise(0, draws_++) * problem_.pairs()); }
+
+// A gain must be more than what the engine's bounds leave open.
+double ExchangeSearch::cutoff() const {
+  return objective_ - tuning::exchange_gain * (1.0 + std::abs(objective_));
+}
+
+// Moves to the branch `to` if its objective is below the cutoff, or stays.
+bool ExchangeSearch::move(Run& run, const Sides& to, double cutoff) {
+  std::vector<Index> released;
+  const RowLayout& rows = problem_.layout;
+  for (Index pair = 0; pair < rows.pairs; ++pair) {
+    if (to[pair] != sides_[pair]) released.push_back(sides_[pair] != 0 ? rows.s(pair) : rows.t(pair));
+  }
+  ++bounded_;
+  bool better = engine_->release(released);
+  if (better) {
+    for (Index pair = 0; pair < rows.pairs; ++pair) {
+      if (to[pair] != sides_[pair]) engine_->fix(to[pair] != 0 ? rows.s(pair) : rows.t(pair));
+    }
+    better = engine_->solve(*box_, cutoff, run.interrupt()) == NodeEngine::End::optimal &&
+             engine_->bound() < cutoff;
+  }
+  if (!better) {
+    engine_->restore();
+    return false;
+  }
+  objective_ = engine_->bound();
+  sides_ = to;
+  engine_->save();
+  return true;
+}
+
+bool ExchangeSearch::switch_pairs(Run& run, std::initializer_list<Index> pairs, double cutoff) {
+  trial_ = sides_;
+  for (const Index pair : pairs) trial_[pair] ^= 1U;
+  return move(run, trial_, cutoff);
+}
+
+// Moves to the first neighbour that is better. Pairs on opposite sides are exchanged: what one gives up, the
+// other may take.
+bool ExchangeSearch::find_better(Run& run) {
+  const Index pairs = problem_.pairs();
+  for (Index done = 0; done < pairs; ++done, next_ = (next_ + 1) % pairs) {
+    if (ended(run)) return false;
+    bool better = switch_pairs(run, {next_}, cutoff());
+    for (Index other = next_ + 1; !better && other < pairs && !ended(run); ++other)
+      better = sides_[other] != sides_[next_] && switch_pairs(run, {next_, other}, cutoff());
+    if (!better) continue;
+    if (objective_ < incumbent_.best().objective) last_ = most_;
+    return true;
+  }
+  return false;
+}
+
+// Returns false if nothing is left to search with.
+bool ExchangeSearch::descend(Run& run) {
+  while (find_better(run)) {
+  }
+  if (run.interrupted()) return false;
+  if (objective_ < incumbent_.best().objective - tuning::exchange_gain * (1.0 + std::abs(objective_)))
+    offer(run);
+  return !ended(run);
+}
+
+// Solves the present branch exactly.
+void ExchangeSearch::offer(Run& run) {
+  Iterate x(problem_);
+  x.z() = engine_->z();
+  x.y() = engine_->y();
+  x.lambda() = -engine_->multipliers();
+  WorkingSet set(problem_);
+  for (Index row = 0; row < problem_.layout.size(); ++row) set.held[row] = engine_->is_held(row) ? 1 : 0;
+  for (Index pair = 0; pair < problem_.pairs(); ++pair) {
+    const bool s = sides_[pair] != 0;
+    set.fix(pair, s, engine_->is_held(s ? problem_.layout.t(pair) : problem_.layout.s(pair)));
+  }
+  point_.restore(x, set);
+  static_cast<void>(incumbent_.solve_branch(run, "exchanges of pairs", tuning::engine_budget));
+}
+
+// Moves from the incumbent's branch by some random exchanges, each to a feasible branch.
+bool ExchangeSearch::perturb(Run& run) {
+  if (!move(run, incumbent_.best().set.s_fixed, kInfinity)) return false;
+  for (int made = 0, tried = 0; made < tuning::exchange_kicks && !ended(run); ++tried) {
+    if (tried > problem_.pairs()) return made > 0;
+    const Index one = draw_pair(), other = draw_pair();
+    if (sides_[one] == sides_[other]) continue;
+    if (switch_pairs(run, {one, other}, kInfinity)) ++made;
+  }
+  next_ = draw_pair();
+  return !ended(run);
+}
+
+}  // namespace marble
