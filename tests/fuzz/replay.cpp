@@ -65,7 +65,7 @@ class CurrentInput {
     if (bytes_ == nullptr) return;
     // Memory beyond the end of the file cannot be written.
     if (::ftruncate(file_, static_cast<off_t>(input.size())) != 0) std::abort();
-    std::memcpy(bytes_, input.data(), input.size());
+    if (!input.empty()) std::memcpy(bytes_, input.data(), input.size());  // an empty one has no address
   }
 
  private:
