@@ -125,6 +125,9 @@ export class Solution {
 
   private facts(): SolutionFacts {
     const { violations, options } = this;
+    const starts = options.numStarts ?? 1;
+    // Each search has a budget of its own, and option effort adds to that of the first one.
+    const budget = (options.maxLocalSearchFactorizations ?? 1000) * (starts + (options.effort ?? 1));
     return {
       ...this,
       feasible:
@@ -132,8 +135,8 @@ export class Solution {
         violations.inequality <= (options.inequalityTolerance ?? 1e-6) &&
         violations.complementarity <= (options.complementarityTolerance ?? 1e-6),
       pairs: this.complementarityMultipliersL.length,
-      budgetSpent: this.factorizations >= (options.maxLocalSearchFactorizations ?? 1000) && !this.detail.includes("segments; "),
-      starts: options.numStarts ?? 1,
+      budgetSpent: this.factorizations >= budget && !this.detail.includes("segments; "),
+      starts,
       globalSearch: options.globalSearch ?? false,
     };
   }
