@@ -57,20 +57,25 @@ bool JobFeed::next_of_one(v1::WatchJobsResponse* response) {
   const std::int64_t version = one_->snapshot().version;
   if (!first && version == reported_.version && seconds_since(reported_.at, now) < interval_s_) return false;
   v1::JobEvent* event = response->add_events();
-  if (first) {
-    const JobRecord::Trace trace = one_->trace();
-    to_message(trace, event->mutable_trace());
-    cursor_ = trace.cursor;
-  } else {
-    const ProgressHistory::Rows taken = one_->read(cursor_);
-    for (const Progress& row : taken.rows) marble::to_message(row, event->add_rows());
-    skipped_ += taken.skipped;
-  }
+  const auto take_rows = [&] {
+    if (first) {
+      const JobRecord::Trace trace = one_->trace();
+      event->clear_trace();
+      to_message(trace, event->mutable_trace());
+      cursor_ = trace.cursor;
+    } else {
+      const ProgressHistory::Rows taken = one_->read(cursor_);
+      for (const Progress& row : taken.rows) marble::to_message(row, event->add_rows());
+      skipped_ += taken.skipped;
+    }
+  };
+  take_rows();
   if (const auto pairs = one_->newest_pairs()) to_message(*pairs, event->mutable_pairs());
   to_message(*one_, event->mutable_job());
+  over_ = event->job().state() == v1::JOB_STATE_FINISHED;
+  if (over_ && !finished) take_rows();  // it has finished since: this is its last event, with its last rows
   response->set_skipped(skipped_);
   reported_ = {changes, version, now};
-  over_ = finished;
   return true;
 }
 

@@ -309,7 +309,8 @@ bool Strategy::may_exchange() const {
 // a tree. Returns a remark.
 std::string Strategy::exchange_pairs(Run& run, std::int64_t nodes) {
   const PhaseScope phase(run.activity(), Phase::tree);
-  const auto first = static_cast<std::int64_t>(tuning::exchange_first * run.factorizations) + nodes;
+  const double factorizations = std::max(1.0, options_.effort) * run.factorizations;
+  const auto first = static_cast<std::int64_t>(tuning::exchange_first * factorizations) + nodes;
   const auto most =
       static_cast<std::int64_t>(tuning::exchange_most * static_cast<double>(small_problem_work()));
   ExchangeSearch search(problem_, branch_.point, incumbent_);

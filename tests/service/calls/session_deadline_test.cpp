@@ -53,27 +53,28 @@ TEST_F(Session, AfterAColdStepAShorterDeadlineIsTried) {
   EXPECT_GE(solved, 1) << "a warm step takes a fraction of that";
 }
 
-// Each has time for a few steps only; together they come to the end.
+// Each has time for a few steps only; together they come to the end. A deadline that was measured while the
+// machine was busy may suffice for the whole: a shorter one does not.
 TEST_F(Session, UpdatesThatRunOutOfTimeGoOnUntilOneIsSolved) {
   start({"--workers", "1", "--session-misses", "1000000"});
   const OwnedProblem p = examples::gates();
-  const auto call = set_up(setup_of(p));
-  const double whole_s = solve_in_process(p.view())->times.solve_s;
   int misses = 0;
-  std::optional<Solution> solved;
-  for (int step = 1; step <= 300 && !solved; ++step) {
-    v1::SessionRequest request = update(step);
-    request.mutable_update()->set_deadline_s(0.3 * whole_s);
-    const auto answer = ask(*call, request);
-    ASSERT_TRUE(answer);
-    if (!answer->has_answer()) continue;  // a busy machine had no worker for it
-    Solution solution = solution_of(answer->answer().solution());
-    misses += solution.status == Status::time_limit ? 1 : 0;
-    if (is_solved(solution.status)) solved = std::move(solution);
+  for (double deadline_s = 0.3 * solve_in_process(p.view())->times.solve_s; misses == 0; deadline_s *= 0.5) {
+    const auto call = set_up(setup_of(p));
+    std::optional<Solution> solved;
+    for (int step = 1; step <= 1000 && !solved; ++step) {
+      v1::SessionRequest request = update(step);
+      request.mutable_update()->set_deadline_s(deadline_s);
+      const auto answer = ask(*call, request);
+      ASSERT_TRUE(answer);
+      if (!answer->has_answer()) continue;  // a busy machine had no worker for it
+      Solution solution = solution_of(answer->answer().solution());
+      misses += solution.status == Status::time_limit ? 1 : 0;
+      if (is_solved(solution.status)) solved = std::move(solution);
+    }
+    ASSERT_TRUE(solved);
+    EXPECT_LE(judge(p.view(), *solved).infeasibility(), 1e-6);
   }
-  ASSERT_TRUE(solved);
-  EXPECT_GE(misses, 1);
-  EXPECT_LE(judge(p.view(), *solved).infeasibility(), 1e-6);
 }
 
 TEST_F(Session, AnUpdateWithoutTimeIsAnsweredWithTheSolutionBeforeItWhereThatIsFeasible) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "branch/branch_engines.h"
 #include "marble/solver.h"
 #include "support/judges/independent_check.h"
 #include "support/random/portfolio.h"
