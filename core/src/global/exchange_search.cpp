@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "global/interior_point.h"
 #include "model/tuning.h"
 #include "path/noise.h"
 
@@ -22,7 +23,8 @@ bool ExchangeSearch::prepare(Run& run, double most_bytes) {
   const double bytes = most_bytes - Gram::most_bytes(problem_);
   KktCost least;
   std::unique_ptr<Kkt> kkt = make_kkt(problem_, {bytes, kInfinity}, run.interrupt(), least);
-  if (kkt == nullptr) return false;
+  // Where factors are sparse, a branch takes as long as several factorizations of the search.
+  if (kkt == nullptr || interior_point_pays(problem_, *kkt)) return false;
   gram_ = std::make_unique<Gram>(problem_);
   engine_ = std::make_unique<Relaxation>(problem_, std::move(kkt), *gram_);
   const double size = max_abs(incumbent_.best().x.z().cwiseProduct(problem_.variable_scale));

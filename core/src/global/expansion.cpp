@@ -13,12 +13,8 @@ namespace {
 using End = NodeEngine::End;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Compares some steps of the active set, each with all rows times the held ones, to the factorizations of an
-// interior point method.
 std::unique_ptr<NodeEngine> make_engine(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, Gram& gram) {
-  const double rows = problem.layout.size();
-  if (rows >= tuning::tree_interior_rows && kkt->flops() < tuning::tree_interior_pays * rows * rows)
-    return std::make_unique<InteriorPoint>(problem, std::move(kkt));
+  if (interior_point_pays(problem, *kkt)) return std::make_unique<InteriorPoint>(problem, std::move(kkt));
   return std::make_unique<Relaxation>(problem, std::move(kkt), gram);
 }
 

@@ -315,4 +315,9 @@ void InteriorPoint::finish() {
   }
 }
 
+bool interior_point_pays(const ScaledProblem& problem, const Kkt& kkt) {
+  const double rows = problem.layout.size();
+  return rows >= tuning::tree_interior_rows && kkt.flops() < tuning::tree_interior_pays * rows * rows;
+}
+
 }  // namespace marble

@@ -88,4 +88,8 @@ class InteriorPoint final : public NodeEngine {
   State saved_;
 };
 
+/// True if it is likely to solve a node in less time than the active set method: compares its factorizations
+/// to some steps of that method, each with all rows times the held ones.
+[[nodiscard]] bool interior_point_pays(const ScaledProblem& problem, const Kkt& kkt);
+
 }  // namespace marble

@@ -316,7 +316,7 @@ std::string Strategy::exchange_pairs(Run& run, std::int64_t nodes) {
   ExchangeSearch search(problem_, branch_.point, incumbent_);
   const std::int64_t bounded = search.run(run, {first, most}, tree_bytes_);
   show_incumbent(run);
-  return "; exchanges: " + std::to_string(bounded) + " branches";
+  return bounded > 0 ? "; exchanges: " + std::to_string(bounded) + " branches" : "";
 }
 
 // Returns what the tree proves, and its counters.
