@@ -5,7 +5,6 @@
 #include <limits>
 #include <utility>
 
-#include "global/interior_point.h"
 #include "model/tuning.h"
 #include "path/noise.h"
 
@@ -23,8 +22,7 @@ bool ExchangeSearch::prepare(Run& run, double most_bytes) {
   const double bytes = most_bytes - Gram::most_bytes(problem_);
   KktCost least;
   std::unique_ptr<Kkt> kkt = make_kkt(problem_, {bytes, kInfinity}, run.interrupt(), least);
-  // Where factors are sparse, a branch takes as long as several factorizations of the search.
-  if (kkt == nullptr || interior_point_pays(problem_, *kkt)) return false;
+  if (kkt == nullptr) return false;
   gram_ = std::make_unique<Gram>(problem_);
   engine_ = std::make_unique<Relaxation>(problem_, std::move(kkt), *gram_);
   const double size = max_abs(incumbent_.best().x.z().cwiseProduct(problem_.variable_scale));
@@ -67,17 +65,18 @@ double ExchangeSearch::cutoff() const {
 
 // Moves to the branch `to` if its objective is below the cutoff, or stays.
 bool ExchangeSearch::move(Run& run, const Sides& to, double cutoff) {
-  std::vector<Index> released;
+  std::vector<Index> released, fixed;
   const RowLayout& rows = problem_.layout;
   for (Index pair = 0; pair < rows.pairs; ++pair) {
-    if (to[pair] != sides_[pair]) released.push_back(sides_[pair] != 0 ? rows.s(pair) : rows.t(pair));
+    if (to[pair] == sides_[pair]) continue;
+    released.push_back(rows.s(pair));
+    fixed.push_back(rows.t(pair));
+    if (to[pair] != 0) std::swap(released.back(), fixed.back());
   }
   ++bounded_;
   bool better = engine_->release(released);
   if (better) {
-    for (Index pair = 0; pair < rows.pairs; ++pair) {
-      if (to[pair] != sides_[pair]) engine_->fix(to[pair] != 0 ? rows.s(pair) : rows.t(pair));
-    }
+    for (const Index row : fixed) engine_->fix(row);
     better = engine_->solve(*box_, cutoff, run.interrupt()) == NodeEngine::End::optimal &&
              engine_->bound() < cutoff;
   }

@@ -7,6 +7,7 @@
 
 #include "global/exchange_search.h"
 #include "global/implied_bounds.h"
+#include "global/interior_point.h"
 #include "horizon/segments.h"
 #include "model/text_of.h"
 #include "model/tuning.h"
@@ -300,13 +301,14 @@ std::int64_t Strategy::small_problem_work() const {
       std::min<double>(std::numeric_limits<int>::max(), options_.effort * options_.max_small_problem_nodes));
 }
 
+// Not where factors are sparse: there a branch takes as long as several factorizations of a local search.
 bool Strategy::may_exchange() const {
   return may_search_on() && small_problem_work() > 0 && problem_.pairs() >= 2 &&
-         problem_.pairs() <= tuning::exchange_pairs;
+         problem_.pairs() <= tuning::exchange_pairs && !interior_point_pays(problem_, kkt_);
 }
 
 // Before the first gain, it takes at most about as long as the solve has taken, with this number of nodes of
-// a tree. Returns a remark.
+// a tree; with option effort above 1, that many times the factorizations. Returns a remark.
 std::string Strategy::exchange_pairs(Run& run, std::int64_t nodes) {
   const PhaseScope phase(run.activity(), Phase::tree);
   const double factorizations = std::max(1.0, options_.effort) * run.factorizations;

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "branch/branch_engines.h"
+#include "marble/examples.h"
 #include "marble/solver.h"
 #include "support/judges/independent_check.h"
 #include "support/random/portfolio.h"
@@ -23,8 +24,8 @@ constexpr double kNoLimit = std::numeric_limits<double>::infinity();
 
 // A search on a workbench, from the branch with the last assets.
 struct Bench : Workbench {
-  explicit Bench(const OwnedProblem& p, Index most)
-      : Workbench(p), engines(problem, *kkt), incumbent(problem, options, engines.exact) {
+  explicit Bench(const OwnedProblem& p, Index most, testing::Rows* reported = nullptr)
+      : Workbench(p, {}, reported), engines(problem, *kkt), incumbent(problem, options, engines.exact) {
     WorkingSet set(problem);
     for (Index pair = 0; pair < problem.pairs(); ++pair) set.fix(pair, pair < problem.pairs() - most, false);
     engines.point.restore(Iterate(problem), set);
@@ -81,6 +82,11 @@ TEST(ExchangeSearch, DoesNothingWithoutMemoryOrAfterAStop) {
   const double start = bench.objective();
   EXPECT_EQ(bench.search({.first = 100, .most = 100}, 1000.0), 0);
   EXPECT_EQ(bench.objective(), start);
+  testing::Rows rows;
+  Bench stopped(portfolio(16, 4, 3), 4, &rows);
+  rows.source.request_stop();
+  EXPECT_EQ(stopped.search({.first = 100, .most = 100}), 0);
+  EXPECT_EQ(stopped.objective(), start);
 }
 
 TEST(ExchangeSearch, LowersDefaultAnswersAndEffortLeavesItOut) {
@@ -98,6 +104,12 @@ TEST(ExchangeSearch, LowersDefaultAnswersAndEffortLeavesItOut) {
   }
   EXPECT_GE(better, 3);
   EXPECT_GE(optimal, 5);
+}
+
+TEST(ExchangeSearch, IsLeftOutWhereFactorsAreSparse) {
+  const Solution s = solve_in_process(examples::hopper({.steps = 6}).view()).value();
+  ASSERT_EQ(s.status, Status::solved);
+  EXPECT_EQ(s.detail.find("exchanges"), std::string::npos) << s.detail;
 }
 
 }  // namespace
