@@ -140,7 +140,23 @@ std::shared_ptr<Array::Run> Array::next() {
   return run;
 }
 
+// One thread at a time, so that elements enter the queue in order; it also serves calls of other threads.
 void Array::feed() {
+  int calls = 1;
+  {
+    const MutexLock lock(mutex_);
+    if (feed_calls_++ > 0) return;
+  }
+  while (calls > 0) {
+    admit_waiting();
+    const MutexLock lock(mutex_);
+    feed_calls_ -= calls;
+    calls = feed_calls_;
+  }
+  if (store_.is_shared()) claim();
+}
+
+void Array::admit_waiting() {
   while (const std::shared_ptr<Run> run = next()) {
     const std::shared_ptr<Job> job = job_of(run);
     {
@@ -160,7 +176,6 @@ void Array::feed() {
     }
     if (is_late) parts_.scheduler.cancel(job);
   }
-  if (store_.is_shared()) claim();
 }
 
 // Claims as many elements as can begin now, more if they are short, and one suspect if none runs here. An
@@ -334,7 +349,7 @@ void Array::keep(ElementAnswer answer) {
   const auto size = static_cast<std::int64_t>(answer.message.size()) + kAnswerOverhead;
   if (!parts_.results.grow(description().id, size) && answer.end != ElementEnd::failed) {
     answer = error_of(answer.index, no_room(element_id(description().id, answer.index)));
-    give_up(no_room(description().id));
+    stop(no_room(description().id));
   }
   fault_point("before_answer");
   ElementAnswer given = answer;
@@ -381,7 +396,7 @@ void Array::kept(const ElementAnswer& answer) {
 
 void Array::cancel() {
   store_.cancel(description().id);
-  give_up(failure(ErrorCode::cancelled, "given up before all its elements had an answer"));
+  stop(failure(ErrorCode::cancelled, "given up before all its elements had an answer"));
 }
 
 void Array::forgotten() {
@@ -390,11 +405,9 @@ void Array::forgotten() {
     is_gone_ = true;
     newest_.clear();
   }
-  give_up(array_deleted(description().id));
+  stop(array_deleted(description().id));
   report();
 }
-
-void Array::give_up(const Error& reason) { stop(reason); }
 
 void Array::abandon() { stop(std::nullopt); }
 
@@ -435,13 +448,8 @@ void Array::end_if_over() {
     if (waits()) reason = end_;
     end_ = reason;  // a reason after the last element changes nothing
   }
-  if (leaves) return leave();
-  end(reason);
-}
-
-// Another server continues it.
-void Array::leave() {
-  release();
+  if (!leaves) return end(reason);
+  release();  // another server continues it
   if (left_) left_();
 }
 

@@ -72,12 +72,12 @@ class Array final : public ArraySource, public RoomWaiter, public std::enable_sh
   enum class Stage { open, ending, over };
 
   void feed() ABSL_LOCKS_EXCLUDED(mutex_);
+  void admit_waiting() ABSL_LOCKS_EXCLUDED(mutex_);
   void claim() ABSL_LOCKS_EXCLUDED(mutex_);
   void claimed(bool suspect, const Expected<std::vector<ClaimedElement>>& elements)
       ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool waits() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void stop(const std::optional<Error>& reason) ABSL_LOCKS_EXCLUDED(mutex_);
-  void leave() ABSL_LOCKS_EXCLUDED(mutex_);
   void release() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] std::shared_ptr<Run> next() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] std::shared_ptr<Job> job_of(const std::shared_ptr<Run>& run);
@@ -92,7 +92,6 @@ class Array final : public ArraySource, public RoomWaiter, public std::enable_sh
   void set_aside_lost() ABSL_LOCKS_EXCLUDED(mutex_);
   void set_aside(const std::vector<OpenElement>& elements);
   [[nodiscard]] bool is_lost(std::int64_t lost) const;
-  void give_up(const Error& reason) ABSL_LOCKS_EXCLUDED(mutex_);
   void end_if_over() ABSL_LOCKS_EXCLUDED(mutex_);
   void end(const std::optional<Error>& reason) ABSL_LOCKS_EXCLUDED(mutex_);
   void report() ABSL_LOCKS_EXCLUDED(mutex_);
@@ -110,7 +109,8 @@ class Array final : public ArraySource, public RoomWaiter, public std::enable_sh
   std::deque<OpenElement> waiting_ ABSL_GUARDED_BY(mutex_);
   std::deque<OpenElement> suspects_ ABSL_GUARDED_BY(mutex_);  // those that ran when a server was killed
   std::map<std::int64_t, std::shared_ptr<Job>> running_ ABSL_GUARDED_BY(mutex_);  // or in the queue
-  int unsettled_ ABSL_GUARDED_BY(mutex_) = 0;  // results on their way to the store
+  int feed_calls_ ABSL_GUARDED_BY(mutex_) = 0;  // calls of feed() that are not served yet
+  int unsettled_ ABSL_GUARDED_BY(mutex_) = 0;   // results on their way to the store
   ArrayCounts counts_ ABSL_GUARDED_BY(mutex_);
   std::int64_t last_sequence_ ABSL_GUARDED_BY(mutex_);
   std::int64_t answer_bytes_ ABSL_GUARDED_BY(mutex_);

@@ -54,6 +54,16 @@ TEST_F(Array, EveryElementIsAnsweredOnceWhileItStreams) {
   EXPECT_EQ(counters().request_bytes(), 0);
 }
 
+TEST_F(Array, OneWorkerAnswersElementsInTheirOrder) {
+  start({"--workers", "1"});
+  for (int k = 0; k < 200; ++k) {
+    ArrayReader reader(jobs(), submit_array(jobs(), elements_of(6)));
+    std::vector<std::int64_t> order;
+    for (const v1::ArrayResultsResponse& answer : reader.drain()) order.push_back(answer.index());
+    ASSERT_THAT(order, ::testing::ElementsAre(0, 1, 2, 3, 4, 5)) << "array " << k;
+  }
+}
+
 TEST_F(Array, NewNumbersForTheBaseAnswerAsTheWholeProblems) {
   start({"--workers", "1"});
   v1::ArraySetup setup = base();
