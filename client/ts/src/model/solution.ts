@@ -93,7 +93,7 @@ export class Solution {
       stationarity: word(StationarityNumber, "STATIONARITY_", message.stationarity),
       secondOrder: word(SecondOrderNumber, "SECOND_ORDER_", message.secondOrder),
       sensitivity: message.sensitivity && sensitivityOf(message.sensitivity, fields.z.length),
-      conflict: message.conflict && unpacked(message.conflict, unpackIntegers),
+      conflict: message.conflict && conflictOf(message.conflict),
     };
     Object.assign(this, fields, converted);
   }
@@ -156,6 +156,10 @@ export class Solution {
     const { z, violations, detail, times } = this;
     return `Solution ${this.toString()} ${inspect({ detail, z, violations, times }, { ...options, maxArrayLength: 6 })}`;
   }
+}
+
+export function conflictOf(message: ConflictMessage): Conflict {
+  return unpacked(message, unpackIntegers);
 }
 
 export function timesOf(message: TimesMessage | undefined): Times {
