@@ -1,10 +1,8 @@
 """The table of loadtest/crash_rounds."""
 
 import collections
-import os
 import random
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -17,8 +15,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/deploy"))
 
-from fleet import BUILD, eventually  # noqa: E402
+from fleet import eventually  # noqa: E402
 from postgresql import PostgreSQL  # noqa: E402
+from servers import Server  # noqa: E402
 
 CLIENTS = 4
 PAIRS = 3
@@ -34,24 +33,6 @@ def problem(number):
     lost = np.minimum(a, 0.0) ** 2 + a[:, ::-1] ** 2  # by keeping this side
     lcqp = marble.LCQP(np.eye(2 * PAIRS), -flat, L=first, R=second, c0=0.5 * flat @ flat, name=str(number))
     return lcqp, 0.5 * lost.min(axis=1).sum()
-
-
-class Server:
-    def __init__(self, store):
-        self.store, self.life = store, 0
-        with socket.create_server(("127.0.0.1", 0)) as any_port:
-            self.address = f"127.0.0.1:{any_port.getsockname()[1]}"
-        self.start()
-
-    def start(self, fault=""):
-        with tempfile.TemporaryDirectory() as folder:
-            ready = Path(folder) / "addresses"
-            self.process = subprocess.Popen(
-                [BUILD / "bin/marble-server", "--listen", self.address, "--http", "none", "--workers", "1", "--log-level", "error",
-                 "--address-file", ready, *self.store], env={**os.environ, "MARBLE_FAULT_POINT": fault}, stdin=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL)
-            eventually(lambda: ready.exists() or self.process.poll() is not None, "a server's start")
-            assert self.process.poll() is None
 
 
 class Rounds:
@@ -98,8 +79,7 @@ class Rounds:
         upto = self.next + jobs
         moment = self.next + self.random.randrange(jobs)
         if point in POINTS[:4]:
-            victim.process.kill()
-            victim.process.wait()
+            victim.kill()
             victim.start(f"{point}:{self.random.randint(1, max(jobs // (3 * len(self.servers)), 1))}")
         threads = [threading.Thread(target=self.work, args=(client, upto)) for client in self.clients]
         for thread in threads:
@@ -114,8 +94,7 @@ class Rounds:
             self.database.kill(signal.SIGKILL if point == OF_THE_DATABASE[0] else signal.SIGQUIT)
             self.database.start()
         else:
-            victim.process.kill()
-            victim.process.wait()
+            victim.kill()
             victim.start()
         for thread in threads:
             thread.join()
@@ -138,11 +117,13 @@ class Rounds:
 
 def run(name, rounds, jobs, database, folder):
     if database:
-        servers = [Server(["--state", database.uri, "--state-lease-s", "1", "--result-keep-s", "86400", "--job-starts", "1000"]) for _ in range(3)]
+        store = ["--state", database.uri, "--state-lease-s", "1"]
         points = POINTS + OF_THE_DATABASE
     else:
-        servers = [Server(["--state-dir", folder, "--result-keep-s", "86400", "--job-starts", "1000"])]
+        store = ["--state-dir", folder]
         points = POINTS
+    servers = [Server(*store, "--result-keep-s", "86400", "--job-starts", "1000", stderr=subprocess.DEVNULL)
+               for _ in range(3 if database else 1)]
     table = collections.Counter()
     all_rounds = Rounds(servers, database, 24)
     began = time.monotonic()
@@ -161,8 +142,7 @@ def run(name, rounds, jobs, database, folder):
         return not (lost or twice or changed or all_rounds.faults) and len(all_rounds.answers) == rounds * jobs
     finally:
         for server in servers:
-            server.process.kill()
-            server.process.wait()
+            server.kill()
 
 
 def main():

@@ -4,7 +4,6 @@ import collections
 import contextlib
 import json
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -16,10 +15,11 @@ import marble
 from problems import change, is_right
 
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parents[1] / "tests/deploy"))
+sys.path[:0] = [str(HERE.parent), str(HERE.parents[1] / "tests/deploy")]
 
 from fleet import BUILD, eventually  # noqa: E402
 from postgresql import PostgreSQL  # noqa: E402
+from servers import Server  # noqa: E402
 
 # After which part of the problems a server stops, and how. Arrays lose them during the upload as well.
 STOPS = ((0.1, signal.SIGKILL), (0.25, signal.SIGTERM), (0.4, signal.SIGKILL), (0.55, signal.SIGTERM),
@@ -30,37 +30,18 @@ COLUMNS = ("client", "way", "servers", "kill -9", "drains", "problems", "once", 
            "seconds", "client MB")
 
 
-class Server:
-    def __init__(self, store):
-        self.store, self.counted = store, 0
-        with socket.create_server(("127.0.0.1", 0)) as any_port:
-            self.address = f"127.0.0.1:{any_port.getsockname()[1]}"
-        self.start()
+class CountedServer(Server):
+    """A server that counts the problems it has answered."""
 
     def start(self):
         self.counted = 0
-        with tempfile.TemporaryDirectory() as folder:
-            ready = Path(folder) / "addresses"
-            self.process = subprocess.Popen(
-                [BUILD / "bin/marble-server", "--listen", self.address, "--http", "none", "--workers", "1",
-                 "--log-level", "error", "--job-starts", str(JOB_STARTS), "--address-file", ready, *self.store],
-                stdin=subprocess.DEVNULL)
-            eventually(lambda: ready.exists() or self.process.poll() is not None, "a server's start")
-            assert self.process.poll() is None
+        super().start()
 
     def newly_answered(self):
         """Problems since the last call."""
         with marble.Client(self.address, wait=60) as client:
             before, self.counted = self.counted, int(client.info().counters["answered_total"])
         return self.counted - before
-
-    def stop(self, how):
-        self.process.send_signal(how)
-        assert self.process.wait(timeout=120) == (0 if how == signal.SIGTERM else -how)
-
-    def close(self):
-        self.process.kill()
-        self.process.wait()
 
 
 def peak_mb(pid):
@@ -219,14 +200,14 @@ def main():
                 store = ["--state-dir", f"{folder}/state"]
                 if database:
                     store = ["--state", database.uri, "--state-lease-s", "1"]
-                servers = [Server(store) for _ in range(number)]
+                servers = [CountedServer(*store, "--job-starts", str(JOB_STARTS)) for _ in range(number)]
                 try:
                     for client in chosen:
                         for way in ("batch", "array"):
                             good = row(client, way, servers, count, files) and good
                 finally:
                     for server in servers:
-                        server.close()
+                        server.kill()
         finally:
             if database:
                 database.close()

@@ -1,4 +1,4 @@
-// The kinds of answers in words: the table of cases that all languages have.
+// The kinds of answers in words, and spent budgets: the tables of cases that all languages have.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "marble/options.h"
 #include "marble/report/solution_kind.h"
 
 namespace marble {
@@ -40,7 +41,7 @@ SolutionFacts facts_of(const Json& json) {
 }
 
 TEST(SolutionKinds, FollowTheTableOfCases) {
-  const Json cases = Json::parse(std::ifstream(KINDS));
+  const Json cases = Json::parse(std::ifstream(ANSWERS "/kinds.json"));
   std::set<SolutionKind> met;
   for (const Json& entry : cases) {
     const SolutionFacts facts = facts_of(entry["facts"]);
@@ -58,16 +59,23 @@ TEST(SolutionKinds, AMaximumIsCalledOne) {
   EXPECT_EQ(kind_text(facts), "local maximum; no bound is known");
 }
 
-TEST(SolutionKinds, SegmentsDoNotSpendTheBudgetOfASearchTogether) {
-  Solution solution;
-  solution.status = Status::solved;
-  solution.second_order = SecondOrder::necessary;
-  solution.factorizations = 2000;
-  solution.detail = "path; violations: equality 1.00e-12";
-  EXPECT_NE(what_to_try(facts_of(solution, {})).find("max_local_search_factorizations"), std::string::npos);
-  solution.detail = "segments; violations: equality 1.00e-12";
-  EXPECT_EQ(what_to_try(facts_of(solution, {})).find("max_local_search_factorizations"), std::string::npos);
-  EXPECT_NE(what_to_try(facts_of(solution, {})).find("num_starts=8"), std::string::npos);
+TEST(SolutionKinds, ABudgetIsSpentAsTheTableOfCasesSays) {
+  for (const Json& entry : Json::parse(std::ifstream(ANSWERS "/budgets.json"))) {
+    Options options;
+    for (const auto& [name, value] : entry["options"].items()) {
+      ASSERT_TRUE(set_option(options, name, value.get<double>())) << entry;
+    }
+    Solution solution;
+    solution.status = Status::solved;
+    solution.second_order = SecondOrder::necessary;
+    solution.factorizations = entry["factorizations"];
+    solution.detail = entry["detail"];
+    const SolutionFacts facts = facts_of(solution, options);
+    EXPECT_EQ(facts.budget_spent, entry["spent"].get<bool>()) << entry;
+    const std::string advice = what_to_try(facts);
+    EXPECT_EQ(advice.find("max_local_search_factorizations") != std::string::npos, facts.budget_spent);
+    EXPECT_NE(advice.find("num_starts="), std::string::npos) << advice;
+  }
 }
 
 TEST(SolutionKinds, AStoppedSolveIsFeasibleByTheTolerancesOfItsOwnOptions) {

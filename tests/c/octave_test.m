@@ -5,7 +5,7 @@ function octave_test()
   assert(answer.status, 'solved');
   assert(answer.objective, -4, 1e-9);
   assert(answer.z, [0; 2], 1e-9);
-  assert(strcmp(marble_solve(p, struct('path', 'paper', 'starts', 2)).status, 'solved'));
+  assert(strcmp(marble_solve(p, struct('path', 'paper', 'num_starts', 2)).status, 'solved'));
 
   session = marble_session(p);
   assert(session.solve(struct()).objective, -4, 1e-9);
@@ -14,7 +14,7 @@ function octave_test()
   session.close();
   refused(@() session.solve(struct()), 'marble:invalid_argument', 'not open');
   refused(@() marble_solve(setfield(p, 'l', [0; 0])), 'marble:invalid_argument', 'l');
-  refused(@() marble_solve(p, struct('starts', 0)), 'marble:invalid_argument', 'starts');
+  refused(@() marble_solve(p, struct('num_starts', 0)), 'marble:invalid_argument', 'num_starts');
 
   an_infeasible_problem_is_explained(p);
   wrong_arguments_are_refused(p);
@@ -72,7 +72,7 @@ function wrong_arguments_are_refused(p)
     refused(@() marble_mex('update', 1, wrong{1}), 'marble:invalid_argument', '');
   end
   for wrong = {sparse(0), 2i, {1}, [1, 2], zeros(0, 1), struct()}
-    refused(@() marble_solve(p, setfield(struct(), 'starts', wrong{1})), 'marble:invalid_argument', 'option');
+    refused(@() marble_solve(p, setfield(struct(), 'num_starts', wrong{1})), 'marble:invalid_argument', 'option');
   end
   refused(@() marble_mex(), 'marble:invalid_argument', '');
   refused(@() marble_mex('solve', struct('g', [1; 2], 'z0', sparse(2, 1)), struct()), 'marble:invalid_argument', 'full');

@@ -384,6 +384,17 @@ class Page(unittest.TestCase):
           }));""", table)
         self.assertEqual(content, [[case["kind"], case["text"], case["what_to_try"]] for case in table])
 
+    def test_a_spent_budget_follows_the_table_of_cases_of_all_languages(self):
+        self.open(self.start())
+        table = json.loads((pathlib.Path(__file__).resolve().parent.parent / "answers/budgets.json").read_text(encoding="utf-8"))
+        content = self.browser.run("""
+          return import("/assets/jobs/findings.js").then(({ explain }) => arguments[0].map(({ options, ...case_ }) => {
+            const job = { state: "finished", status: "solved", proved: false, nodes: 0, pairs: 2, objective: 1, gap: Infinity,
+              scenario_levels: [], times: {}, iterations: 1, updates: 0, equality: 0, inequality: 0, complementarity: 0, ...case_ };
+            return explain(job, options, [], { second_order: "SECOND_ORDER_NECESSARY" }).lines.join(" ");
+          }));""", table)
+        self.assertEqual(["has spent max_local_search_factorizations" in text for text in content], [case["spent"] for case in table])
+
     def test_an_even_sample_of_many_pairs_is_shown(self):
         server = self.start("--trace-pairs", "16")
         server.run("solve", "--quiet", server.example("rocket"))

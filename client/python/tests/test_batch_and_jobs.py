@@ -68,6 +68,23 @@ def test_a_submitted_job_outlives_its_connection(server, client):
         client.jobs.result(job.job_id)
 
 
+def test_a_job_says_why_its_problem_is_infeasible(client):
+    problem = marble.LCQP(np.eye(2), [0, 0], A=[1, 0], b=-1, C=[3, 0], d=-6, L=[1, 0], R=[0, 1])  # z0 = 1, 3 z0 >= 6
+    for explain in (False, True):
+        job = client.jobs.submit(problem, explain=explain)
+        answer = client.jobs.result(job.job_id, wait=True)
+        assert answer.status is marble.Status.INFEASIBLE
+        why = client.jobs.get(job.job_id).infeasibility
+        assert why.multipliers.tolist() == answer.certificate[why.rows].tolist() and why.rows.dtype == np.int32
+        assert (set(why.rows), why.more_rows, why.more_parts) == ({0, 1}, 0, 0)
+        assert (why.conflict is None) != explain
+    assert why.conflict.equalities.tolist() == why.conflict.inequalities.tolist() == [0] and why.conflict.minimal
+    assert len(why.conflict) == len(answer.conflict) == 2
+    job = client.jobs.submit(tiny())
+    assert client.jobs.result(job.job_id, wait=True).solved
+    assert client.jobs.get(job.job_id).infeasibility is None
+
+
 def test_a_job_is_watched_cancelled_and_answered_with_its_best_iterate(client):
     problem, options = long_solve()
     job = client.jobs.submit(problem, options=options)

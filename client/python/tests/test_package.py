@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+import textwrap
 import zipfile
 
 import numpy as np
@@ -37,6 +38,16 @@ def test_the_quick_start_works_word_for_word(server, tmp_path):
     run = _python("quick_start.py", server=server.address, where=tmp_path)
     assert run.returncode == 0, run.stderr
     assert "solved" in run.stdout
+
+
+def test_the_programs_of_the_page_about_solving_run(server, tmp_path):
+    page = (HERE.parent / "SOLVING.md").read_text(encoding="utf-8")
+    programs = re.findall(r"^    import marble\n(?:(?:    .*)?\n)+", page, re.MULTILINE)
+    assert len(programs) == 2
+    for program in programs:
+        (tmp_path / "program.py").write_text(textwrap.dedent(program), encoding="utf-8")
+        run = _python("program.py", server=server.address, where=tmp_path)
+        assert run.returncode == 0, run.stderr
 
 
 def test_the_demo_ends_in_a_picture(server, tmp_path):

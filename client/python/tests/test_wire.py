@@ -77,8 +77,7 @@ def test_what_a_tree_does_not_know_is_infinite_and_what_it_knows_comes_as_it_was
 
 # What Python leaves out of a message, or has in another class.
 ELSEWHERE = {"Solution": {"coupled", "scenarios"}, "Progress": {"level", "scenarios"},
-             "CoupledOutcome": {"coupling_multipliers"}, "JobEvent": {"pairs"},
-             "GetJobResponse": {"infeasibility"}}
+             "CoupledOutcome": {"coupling_multipliers"}, "JobEvent": {"pairs"}}
 
 
 @pytest.mark.parametrize(("kind", "message"), [
@@ -86,7 +85,8 @@ ELSEWHERE = {"Solution": {"coupled", "scenarios"}, "Progress": {"level", "scenar
     (marble.Conflict, "Conflict"), (marble.Progress, "Progress"), (marble.ScenarioLevel, "ScenarioLevel"),
     (marble.OutOfSample, "OutOfSample"), (marble.Coordination, "CoupledOutcome"), (marble.Job, "JobInfo"),
     (marble.ArrayProgress, "ArrayProgress"), (marble.Trace, "Trace"), (marble.PairSides, "PairSides"),
-    (marble.JobDetails, "GetJobResponse"), (marble.JobPage, "ListJobsResponse"), (marble.JobEvent, "JobEvent"),
+    (marble.JobDetails, "GetJobResponse"), (marble.Infeasibility, "Infeasibility"),
+    (marble.JobPage, "ListJobsResponse"), (marble.JobEvent, "JobEvent"),
     (marble.Submitted, "SubmitResponse"), (marble.SubmittedArray, "SubmitArrayResponse"),
     (marble.ServerInfo, "GetInfoResponse")], ids=lambda value: value if isinstance(value, str) else "")
 def test_every_field_of_a_message_has_its_attribute(kind, message):

@@ -35,6 +35,7 @@ export type {
 export type { Counters, Limits, OptionSchema, Quota, ServerInfo } from "./calls/info.js";
 export { Jobs } from "./calls/jobs.js";
 export type {
+  Infeasibility,
   JobDetails,
   JobEvent,
   JobInfo,

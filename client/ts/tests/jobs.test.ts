@@ -46,6 +46,25 @@ test("a job has its sizes, options and convergence", async () => {
   assert.deepEqual([newest.s.length, newest.t.length], [job.pairs, job.pairs]);
 });
 
+test("a job says why its problem is infeasible", async () => {
+  const problem = { ...corner, A: [[1, 0, 0]], b: [-1], C: [[3, 0, 0]], d: [-6] }; // z0 = 1, and 3 z0 >= 6
+  for (const explain of [false, true]) {
+    const { jobId } = await client.jobs.submit(problem, { options: { explain } });
+    const { status, certificate, conflict } = await client.jobs.result(jobId, { wait: true });
+    const { infeasibility } = await client.jobs.get(jobId);
+    assert.equal(status, "infeasible");
+    assert.ok(infeasibility?.rows instanceof Int32Array);
+    assert.deepEqual(Array.from(infeasibility.rows).sort(), [0, 1]);
+    assert.deepEqual(infeasibility.multipliers, Float64Array.from(infeasibility.rows, (row) => certificate[row]));
+    assert.deepEqual([infeasibility.moreRows, infeasibility.moreParts], [0, 0]);
+    assert.deepEqual(infeasibility.conflict, conflict);
+    assert.deepEqual(Array.from(infeasibility.conflict?.inequalities ?? []), explain ? [0] : []);
+  }
+  const { jobId } = await client.jobs.submit(corner);
+  await client.jobs.result(jobId, { wait: true });
+  assert.equal((await client.jobs.get(jobId)).infeasibility, undefined);
+});
+
 test("jobs are listed newest first, by state, in pages", async () => {
   const ids: string[] = [];
   for (let k = 0; k < 3; ++k) ids.push((await client.jobs.submit(corner)).jobId);

@@ -1,5 +1,5 @@
 import assert from "node:assert/strict";
-import { execFileSync } from "node:child_process";
+import { execFileSync, spawnSync } from "node:child_process";
 import { cpSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -48,6 +48,28 @@ test("the README's quick start does word for word what it says", async () => {
   writeFileSync(join(work, "project/first.mjs"), program);
   await using server = await Server.start();
   assert.equal(shell(run, "project", { MARBLE_SERVER: server.address }), output);
+});
+
+// What the README's examples take for granted.
+const given = `
+import { type Client, type Problem, ProblemBuilder, shiftByStage } from "@marble/client";
+declare const client: Client, signal: AbortSignal, draw: (...shown: unknown[]) => void;
+declare const problem: Problem, shop: Problem, left: Problem, right: Problem, long: Problem;
+declare const problems: { tag: string; problem: Problem }[], studies: number[][];
+declare const step: number[], lossByZ: number[], state: number[], g: number[], demands: number[];
+declare const stageOfVariable: number[], horizon: number;
+`;
+
+test("the README's other examples fit the types of the client", () => {
+  const examples = blocks.slice(5).filter((block) => block.kind === "js");
+  assert.equal(examples.length, 2);
+  const program = (text: string): string => `${given}export async function example() {\n${text}}\n`;
+  examples.forEach(({ text }, k) => writeFileSync(`build/readme-${k}.mts`, program(text)));
+  const files = examples.map((_, k) => `build/readme-${k}.mts`);
+  const settings = "--noEmit --strict --skipLibCheck --module nodenext --target es2022 --lib es2022,esnext.disposable,dom";
+  const checked = spawnSync("npx", ["tsc", ...settings.split(" "), ...files], { encoding: "utf8" });
+  assert.equal(checked.stdout, "");
+  assert.equal(checked.status, 0);
 });
 
 test("the package contains compiled code, types, README and LICENSE, and nothing else", () => {

@@ -272,6 +272,15 @@ double DualActiveSet::first_gain(Index row) {
   return length * (std::abs(v) - 0.5 * length * (dependent_ ? 0.0 : pivot_));
 }
 
+// ½μ² / (S⁻¹)ᵢᵢ with S = LLᵀ, the matrix of the held rows.
+double DualActiveSet::release_gain(Index row) {
+  if (!is_held(row) || mu_[row] >= 0.0) return 0.0;
+  rates_.setZero(factor_.size());
+  rates_[place_[row]] = 1.0;
+  factor_.solve_lower(rates_);
+  return 0.5 * mu_[row] * mu_[row] / rates_.squaredNorm();
+}
+
 void DualActiveSet::save(State& state) const {
   state.held = held_;
   state.kind = kind_;

@@ -65,6 +65,8 @@ class DualActiveSet {
   [[nodiscard]] bool is_held(Index row) const { return place_[row] >= 0; }
   /// Returns the increase of the objective in the first step towards `row` = 0.
   [[nodiscard]] double first_gain(Index row);
+  /// Returns the decrease of the objective if `row` is no longer fixed and all others stay as they are.
+  [[nodiscard]] double release_gain(Index row);
 
   /// The whole state, for save() and restore().
   struct State {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
 #include <utility>
 
 #include "model/tuning.h"
@@ -46,7 +47,6 @@ std::int64_t ExchangeSearch::run(Run& run, const Budget& budget, double most_byt
 bool ExchangeSearch::start(Run& run) {
   const ExactSolution& best = incumbent_.best();
   sides_ = best.set.s_fixed;
-  next_ = draw_pair();
   if (!engine_->start(best.x.z())) return false;
   for (Index pair = 0; pair < problem_.pairs(); ++pair) engine_->fix(best.set.fixed_row(pair));
   ++bounded_;
@@ -90,22 +90,47 @@ bool ExchangeSearch::move(Run& run, const Sides& to, double cutoff) {
   return true;
 }
 
-bool ExchangeSearch::switch_pairs(Run& run, std::initializer_list<Index> pairs, double cutoff) {
+bool ExchangeSearch::move_to(Run& run, const Neighbour& to, double cutoff) {
   trial_ = sides_;
-  for (const Index pair : pairs) trial_[pair] ^= 1U;
+  trial_[to.one] ^= 1U;
+  if (to.other != to.one) trial_[to.other] ^= 1U;
   return move(run, trial_, cutoff);
 }
 
-// Moves to the first neighbour that is better. Pairs on opposite sides are exchanged: what one gives up, the
-// other may take.
-bool ExchangeSearch::find_better(Run& run) {
+// Lists as many neighbours as there are pairs, those that promise most first: what the side that becomes free
+// gains by its multiplier, less what the other loses on its way to zero. A side that cannot reach zero by
+// itself says nothing of its exchanges. Pairs on opposite sides are exchanged: what one gives up, the other
+// may take.
+void ExchangeSearch::list_neighbours() {
   const Index pairs = problem_.pairs();
-  for (Index done = 0; done < pairs; ++done, next_ = (next_ + 1) % pairs) {
+  const RowLayout& rows = problem_.layout;
+  std::vector<double> promise(static_cast<std::size_t>(pairs));
+  neighbours_.clear();
+  for (Index pair = 0; pair < pairs; ++pair) {
+    const bool s = sides_[pair] != 0;
+    const double loss = engine_->first_gain(s ? rows.t(pair) : rows.s(pair));
+    const double gain = engine_->release_gain(s ? rows.s(pair) : rows.t(pair));
+    promise[pair] = gain - (std::isfinite(loss) ? loss : 0.0);
+    neighbours_.push_back({pair, pair, std::isfinite(loss) ? promise[pair] : -kInfinity});
+  }
+  for (Index one = 0; one < pairs; ++one) {
+    for (Index other = one + 1; other < pairs; ++other) {
+      if (sides_[one] != sides_[other]) neighbours_.push_back({one, other, promise[one] + promise[other]});
+    }
+  }
+  const auto most = neighbours_.begin() + std::min(pairs, static_cast<Index>(neighbours_.size()));
+  std::ranges::partial_sort(neighbours_, most, [](const Neighbour& a, const Neighbour& b) {
+    return std::tie(b.promise, a.one, a.other) < std::tie(a.promise, b.one, b.other);
+  });
+  neighbours_.erase(most, neighbours_.end());
+}
+
+// Moves to the first neighbour that is better.
+bool ExchangeSearch::find_better(Run& run) {
+  list_neighbours();
+  for (const Neighbour& to : neighbours_) {
     if (ended(run)) return false;
-    bool better = switch_pairs(run, {next_}, cutoff());
-    for (Index other = next_ + 1; !better && other < pairs && !ended(run); ++other)
-      better = sides_[other] != sides_[next_] && switch_pairs(run, {next_, other}, cutoff());
-    if (!better) continue;
+    if (!move_to(run, to, cutoff())) continue;
     if (objective_ < incumbent_.best().objective) last_ = most_;
     return true;
   }
@@ -145,9 +170,8 @@ bool ExchangeSearch::perturb(Run& run) {
     if (tried > problem_.pairs()) return made > 0;
     const Index one = draw_pair(), other = draw_pair();
     if (sides_[one] == sides_[other]) continue;
-    if (switch_pairs(run, {one, other}, kInfinity)) ++made;
+    if (move_to(run, {one, other}, kInfinity)) ++made;
   }
-  next_ = draw_pair();
   return !ended(run);
 }
 

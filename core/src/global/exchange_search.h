@@ -29,10 +29,15 @@ class ExchangeSearch {
 
  private:
   using Sides = std::vector<std::uint8_t>;  // as WorkingSet::s_fixed
+  struct Neighbour {
+    Index one, other;      // pairs that change sides; the same for a single one
+    double promise = 0.0;  // the estimated decrease of the objective
+  };
   [[nodiscard]] bool prepare(Run& run, double most_bytes);
   [[nodiscard]] bool start(Run& run);
   [[nodiscard]] bool move(Run& run, const Sides& to, double cutoff);
-  [[nodiscard]] bool switch_pairs(Run& run, std::initializer_list<Index> pairs, double cutoff);
+  [[nodiscard]] bool move_to(Run& run, const Neighbour& to, double cutoff);
+  void list_neighbours();
   [[nodiscard]] bool find_better(Run& run);
   [[nodiscard]] bool descend(Run& run);
   [[nodiscard]] bool perturb(Run& run);
@@ -47,9 +52,9 @@ class ExchangeSearch {
   std::unique_ptr<Gram> gram_;
   std::unique_ptr<Relaxation> engine_;  // its saved state is the present branch's solution
   std::optional<Box> box_;
-  Sides sides_, trial_;      // of the present branch, of a neighbour
-  double objective_ = 0.0;   // of the present branch, scaled: what the engine proves of it
-  Index next_ = 0;           // the pair whose neighbours come next
+  Sides sides_, trial_;     // of the present branch, of a neighbour
+  double objective_ = 0.0;  // of the present branch, scaled: what the engine proves of it
+  std::vector<Neighbour> neighbours_;
   std::uint64_t draws_ = 0;  // random numbers so far
   std::int64_t bounded_ = 0, last_ = 0, most_ = 0;
 };

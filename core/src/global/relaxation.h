@@ -54,6 +54,7 @@ class Relaxation final : public NodeEngine {
   [[nodiscard]] ProximalSystem* proximal_system(Run& /*run*/) override { return &system_; }
   [[nodiscard]] std::int64_t factorizations() const override { return 0; }  // prepare() counts them
   [[nodiscard]] double first_gain(Index row) { return set_.first_gain(row); }
+  [[nodiscard]] double release_gain(Index row) { return set_.release_gain(row); }
   [[nodiscard]] double bytes() override;
   [[nodiscard]] std::int64_t steps() const { return set_.steps(); }
 

@@ -6,7 +6,7 @@ import { partsOf } from "../plots/timings.js";
 import { repeated } from "../data/trace.js";
 import { statuses } from "../shared/tables.js";
 import { STATES, errorWords, short } from "../base/words.js";
-import { kindText, whatToTry } from "../shared/solution-kind.js";
+import { isBudgetSpent, kindText, whatToTry } from "../shared/solution-kind.js";
 
 const VIOLATIONS = [
   ["equality", "equality_tolerance", "|A z + b|"],
@@ -49,17 +49,15 @@ export function explain(job, options, rows, solution = null) {
 function kindOfSolution(job, options, solution) {
   if (job.state !== "finished" || job.scenario_levels.length > 0) return [];
   const untested = solution === null && job.status === "solved" && !job.proved;
-  const starts = Number(options?.num_starts ?? 1);
-  // Each search has a budget of its own, and option effort adds to that of the first one.
-  const budget = Number(options?.max_local_search_factorizations ?? 1000) * (starts + Number(options?.effort ?? 1));
+  const { max_local_search_factorizations: maxLocalSearchFactorizations, num_starts: numStarts, effort } = options ?? {};
   const facts = {
     ...job,
     bStationary: solution?.b_stationary,
     secondOrder: untested ? "minimum" : short(solution?.second_order, "SECOND_ORDER_"),
     feasible: judge(job, options).every(({ met }) => met),
     pairs: job.pairs,
-    budgetSpent: job.factorizations >= budget && !job.detail?.includes("segments; "),
-    starts,
+    budgetSpent: isBudgetSpent(job, { maxLocalSearchFactorizations, numStarts, effort }),
+    starts: numStarts ?? 1,
     globalSearch: options?.global_search === true,
   };
   const shown = job.proved && job.nodes > 0; // by `proof`

@@ -1,4 +1,4 @@
-// Option starts: further searches from the best branch, at once or one after the other.
+// Option num_starts: further searches from the best branch, at once or one after the other.
 #include "search/further_starts.h"
 
 #include <gtest/gtest.h>

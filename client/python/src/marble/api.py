@@ -30,6 +30,7 @@ from marble.errors import (
 from marble.message.info import Option, ServerInfo
 from marble.message.job import (
     ArrayProgress,
+    Infeasibility,
     Job,
     JobDetails,
     JobEvent,
@@ -77,6 +78,7 @@ __all__ = [
     "DeadlineExceeded",
     "Error",
     "FailedPrecondition",
+    "Infeasibility",
     "InvalidArgument",
     "InvalidProblem",
     "Job",

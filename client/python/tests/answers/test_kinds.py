@@ -1,4 +1,4 @@
-"""The kinds of answers in words: the table of cases that all languages have."""
+"""The kinds of answers in words, and spent budgets: the tables of cases that all languages have."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ import pytest
 import marble
 from marble.model.solution_kind import SolutionFacts
 
-CASES = json.loads((pathlib.Path(__file__).resolve().parents[4] / "tests/answers/kinds.json").read_text("utf-8"))
+TABLES = pathlib.Path(__file__).resolve().parents[4] / "tests/answers"
+CASES = json.loads((TABLES / "kinds.json").read_text("utf-8"))
+BUDGETS = json.loads((TABLES / "budgets.json").read_text("utf-8"))
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["text"])
@@ -49,10 +51,10 @@ def test_a_local_answer_is_printed_with_what_to_try():
     assert "num_starts=16 searches twice as often" in contact(max_small_problem_nodes=0, num_starts=8).what_to_try
 
 
-def test_segments_do_not_spend_the_budget_of_a_search_together():
-    answer = dataclasses.replace(contact(max_small_problem_nodes=0), factorizations=2000)
-    assert answer.facts.budget_spent
-    assert not dataclasses.replace(answer, detail="segments; " + answer.detail).facts.budget_spent
+@pytest.mark.parametrize("case", BUDGETS, ids=str)
+def test_a_budget_is_spent_as_the_table_of_cases_says(case):
+    work = {name: case[name] for name in ("options", "factorizations", "detail")}
+    assert dataclasses.replace(contact(), **work).facts.budget_spent is case["spent"]
 
 
 def test_with_global_the_proof_has_its_line():

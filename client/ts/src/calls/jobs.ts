@@ -2,10 +2,12 @@ import { randomUUID } from "node:crypto";
 
 import { secondsOrZero, wholeOrZero } from "../base/checks.js";
 import { type MarbleError, RefusedError, invalid } from "../base/errors.js";
-import { unpackFloats } from "../base/packed.js";
+import { unpackDoubles, unpackFloats, unpackIntegers } from "../base/packed.js";
 import { type Words, valueOf, word, words } from "../base/words.js";
 import type { Connection } from "../connection/connection.js";
 import {
+  type GetJobResponse,
+  type Infeasibility as InfeasibilityMessage,
   type JobEvent as JobEventMessage,
   type JobInfo as JobInfoMessage,
   JobKind as KindNumber,
@@ -18,7 +20,7 @@ import { Status as StatusNumber } from "../generated/marble/v1/solution.js";
 import { type SolveOptions, optionsOf } from "../model/options.js";
 import type { Problem } from "../model/problem.js";
 import { type Progress, type Tree, type Violations, progressOf, treeOf, violationsOf } from "../model/progress.js";
-import { Solution, type Status, type Times, timesOf } from "../model/solution.js";
+import { type Conflict, Solution, type Status, type Times, conflictOf, timesOf } from "../model/solution.js";
 import {
   type ArrayAnswer,
   type ArrayControls,
@@ -97,11 +99,29 @@ export interface Trace {
   pairs: PairSides[];
 }
 
+/** Why a problem is infeasible, of bounded length; the job's solution has all of it. */
+export interface Infeasibility extends Omit<InfeasibilityMessage, "conflict" | "rows" | "multipliers"> {
+  /** With option explain, the solution's conflict with its first 100 parts in the order of its fields. */
+  conflict?: Conflict;
+  /**
+   * Indices in the solution's certificate of its largest multipliers, at most 8, largest first; empty without a
+   * certificate.
+   */
+  rows: Int32Array;
+  /** The multipliers of these rows. */
+  multipliers: Float64Array;
+}
+
 /** One job with its options and its convergence. */
-export interface JobDetails {
+export interface JobDetails extends Omit<GetJobResponse, "job" | "options" | "trace" | "infeasibility"> {
   job: JobInfo;
   options: SolveOptions;
   trace: Trace;
+  /**
+   * Why its problem is infeasible, also if the server does not keep the solution; absent for any other status. For a
+   * session, of its newest solve.
+   */
+  infeasibility?: Infeasibility;
 }
 
 /** An accepted job. */
@@ -270,12 +290,14 @@ export class Jobs {
     return { jobs: jobs.map(infoOf), more };
   }
 
+  /** One job with its options, its convergence and, if its problem is infeasible, the reason. */
   async get(jobId: string, controls: CallControls = {}): Promise<JobDetails> {
     const details = await unary(this.connection, JobsService.get, { jobId }, controls);
     return {
       job: infoOf(expect(details.job)),
       options: optionsOf(details.options),
       trace: traceOf(details.trace ?? { rows: [], stride: 1, pairs: [] }),
+      infeasibility: details.infeasibility && infeasibilityOf(details.infeasibility),
     };
   }
 
@@ -323,6 +345,15 @@ function eventOf(event: JobEventMessage, skipped: number): JobEvent {
     trace: event.trace && traceOf(event.trace),
     pairs: event.pairs && { ...event.pairs, s: unpackFloats(event.pairs.s), t: unpackFloats(event.pairs.t) },
     skipped,
+  };
+}
+
+function infeasibilityOf(message: InfeasibilityMessage): Infeasibility {
+  return {
+    ...message,
+    conflict: message.conflict && conflictOf(message.conflict),
+    rows: unpackIntegers(message.rows),
+    multipliers: unpackDoubles(message.multipliers),
   };
 }
 

@@ -11,7 +11,7 @@ import {
   Status as StatusNumber,
   type Times as TimesMessage,
 } from "../generated/marble/v1/solution.js";
-import { type SolutionFacts, type SolutionKind, counted, kindOf, kindText, whatToTry } from "../shared/solution-kind.js";
+import { type SolutionFacts, type SolutionKind, counted, isBudgetSpent, kindOf, kindText, whatToTry } from "../shared/solution-kind.js";
 import { statuses } from "../shared/tables.js";
 import { type SolveOptions, optionsOf } from "./options.js";
 import { type Tree, type Violations, treeOf, violationsOf } from "./progress.js";
@@ -93,7 +93,7 @@ export class Solution {
       stationarity: word(StationarityNumber, "STATIONARITY_", message.stationarity),
       secondOrder: word(SecondOrderNumber, "SECOND_ORDER_", message.secondOrder),
       sensitivity: message.sensitivity && sensitivityOf(message.sensitivity, fields.z.length),
-      conflict: message.conflict && unpacked(message.conflict, unpackIntegers),
+      conflict: message.conflict && conflictOf(message.conflict),
     };
     Object.assign(this, fields, converted);
   }
@@ -125,9 +125,6 @@ export class Solution {
 
   private facts(): SolutionFacts {
     const { violations, options } = this;
-    const starts = options.numStarts ?? 1;
-    // Each search has a budget of its own, and option effort adds to that of the first one.
-    const budget = (options.maxLocalSearchFactorizations ?? 1000) * (starts + (options.effort ?? 1));
     return {
       ...this,
       feasible:
@@ -135,8 +132,8 @@ export class Solution {
         violations.inequality <= (options.inequalityTolerance ?? 1e-6) &&
         violations.complementarity <= (options.complementarityTolerance ?? 1e-6),
       pairs: this.complementarityMultipliersL.length,
-      budgetSpent: this.factorizations >= budget && !this.detail.includes("segments; "),
-      starts,
+      budgetSpent: isBudgetSpent(this, options),
+      starts: options.numStarts ?? 1,
       globalSearch: options.globalSearch ?? false,
     };
   }
@@ -156,6 +153,10 @@ export class Solution {
     const { z, violations, detail, times } = this;
     return `Solution ${this.toString()} ${inspect({ detail, z, violations, times }, { ...options, maxArrayLength: 6 })}`;
   }
+}
+
+export function conflictOf(message: ConflictMessage): Conflict {
+  return unpacked(message, unpackIntegers);
 }
 
 export function timesOf(message: TimesMessage | undefined): Times {

@@ -1,5 +1,5 @@
 // The kind of a solution, in words, and what a better one costs. The texts are those of
-// contract.def, the rules those of marble/report/solution_kind.h; tests/answers/kinds.json has cases for all languages.
+// contract.def, the rules those of marble/report/solution_kind.h; tests/answers has cases for all languages.
 // JavaScript, because the server's page uses this file as it is.
 import { kinds, phrases, statuses } from "./tables.js";
 
@@ -13,7 +13,7 @@ const noGap = 1e-6;
 
 /**
  * What the kind of a solution, its text and its advice follow from. feasible: z is within the tolerances. budgetSpent:
- * the factorizations have reached the option max_local_search_factorizations. starts, globalSearch: the options num_starts and global_search.
+ * see isBudgetSpent. starts, globalSearch: the options num_starts and global_search.
  * @typedef {{status: string, proved: boolean, bStationary?: boolean | undefined, secondOrder?: string | undefined,
  *   objective: number, gap: number, feasible: boolean, pairs: number, factorizations: number, budgetSpent: boolean,
  *   starts: number, globalSearch: boolean}} SolutionFacts
@@ -46,6 +46,16 @@ export function kindText(facts) {
 /** What may give a better answer, and what that costs; "" if nothing does. @param {SolutionFacts} facts */
 export function whatToTry(facts) {
   return filled(kinds[kindOf(facts)].advice, partsOf(facts));
+}
+
+/**
+ * Whether the search for better branches has spent its budget. Each search has its own, and option effort adds to that of
+ * the first one. In a solution by segments each of them had the budget, so their sum decides nothing.
+ * @param {{factorizations: number, detail?: string | undefined}} solution
+ * @param {{maxLocalSearchFactorizations?: number | undefined, numStarts?: number | undefined, effort?: number | undefined}} options
+ */
+export function isBudgetSpent({ factorizations, detail = "" }, { maxLocalSearchFactorizations = 1000, numStarts = 1, effort = 1 }) {
+  return factorizations >= maxLocalSearchFactorizations * (numStarts + effort) && !detail.includes("segments; ");
 }
 
 /** "1 pair", "2 pairs". @param {number} count @param {string} noun */

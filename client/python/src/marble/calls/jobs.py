@@ -167,7 +167,7 @@ class Jobs(OnTransport):
                           answers.reads(JobPage, "ListJobsResponse"))
 
     def get(self, job_id: str) -> JobDetails:
-        """A job with its options and its convergence."""
+        """A job with its options, its convergence and, if its problem is infeasible, the reason."""
         return self._of_job("Jobs/Get", "GetJobRequest", job_id, answers.reads(JobDetails, "GetJobResponse"))
 
     def cancel(self, job_id: str) -> Job:

@@ -10,6 +10,7 @@ from typing import Any
 
 from marble.base.fields import named
 from marble.base.tables import Status
+from marble.model.conflict import Conflict, Indices
 from marble.model.lcqp import Vector
 from marble.model.scenarios import ScenarioLevel
 from marble.model.solution import Progress, Times, Violations
@@ -143,12 +144,34 @@ class Trace:
 
 
 @dataclass(frozen=True, eq=False)
+class Infeasibility:
+    """Why the problem of a job is infeasible, of bounded length; the job's Solution has all of it.
+
+    conflict: of option explain, as Solution.conflict, with its first 100 parts in the order of its attributes; else
+    None. more_parts: how many further ones there are. rows: the indices in Solution.certificate of its largest
+    multipliers, at most 8, largest first; empty without a certificate. multipliers: of these rows. more_rows: how many
+    further rows have a multiplier of more than a thousandth of the largest.
+    """
+
+    conflict: Conflict | None
+    more_parts: int
+    rows: Indices
+    multipliers: Vector
+    more_rows: int
+
+
+@dataclass(frozen=True, eq=False)
 class JobDetails:
-    """A job, its options in force, and its convergence."""
+    """A job, its options in force, and its convergence.
+
+    infeasibility: why its problem is infeasible, also if the server does not keep the solution; None for any other
+    status. Of a session, for its newest solve.
+    """
 
     job: Job
     options: Mapping[str, Any]
     trace: Trace
+    infeasibility: Infeasibility | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from marble.model.conflict import Conflict
 from marble.model.derivatives import SensitivityAnswer
 from marble.model.lcqp import LCQP, Vector, twin
 from marble.model.solution_fields import SolutionFields
-from marble.model.solution_kind import SolutionFacts, SolutionKind
+from marble.model.solution_kind import SolutionFacts, SolutionKind, is_budget_spent
 
 
 class Stationarity(enum.Enum):
@@ -137,16 +137,14 @@ class Solution(SolutionFields):
         v, limits = self.violations, self.options
         met = ((v.equality, "equality_tolerance"), (v.inequality, "inequality_tolerance"),
                (v.complementarity, "complementarity_tolerance"))
-        starts = int(limits.get("num_starts", 1))
-        # Each search has a budget of its own, and option effort adds to that of the first one.
-        budget = int(limits.get("max_local_search_factorizations", 1000)) * (starts + float(limits.get("effort", 1.0)))
         return SolutionFacts(
             status=self.status, proved=self.proved, b_stationary=self.b_stationary,
             second_order="unknown" if self.second_order is None else self.second_order.value,
             objective=self.objective, gap=self.gap,
             feasible=all(violation <= float(limits.get(name, 1e-6)) for violation, name in met),
-            pairs=self.xi.size, factorizations=self.factorizations, starts=starts,
-            budget_spent=self.factorizations >= budget and "segments; " not in self.detail,
+            pairs=self.xi.size, factorizations=self.factorizations,
+            starts=int(limits.get("num_starts", 1)),
+            budget_spent=is_budget_spent(self.factorizations, self.detail, limits),
             global_search=bool(limits.get("global_search", False)))
 
     @property

@@ -1,18 +1,20 @@
 """The kind of a solution, in words, and what a better one costs.
 
-The texts are those of contract.def, the rules those of marble/report/solution_kind.h; tests/answers/kinds.json has
-cases for all languages.
+The texts are those of contract.def, the rules those of marble/report/solution_kind.h; tests/answers has cases for all
+languages.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from marble.base.tables import KIND_ADVICE, KIND_TEXTS, PHRASES, SolutionKind, Status
 
-__all__ = ["SolutionFacts", "SolutionKind"]
+__all__ = ["SolutionFacts", "SolutionKind", "is_budget_spent"]
 
 _NO_GAP = 1e-6  # up to this gap the text says "proved optimal" alone
 _BY_STATUS = {
@@ -28,9 +30,8 @@ _BY_STATUS = {
 class SolutionFacts:
     """What the kind of a solution, its text and its advice follow from; second_order as a word, "unknown" without one.
 
-    feasible: the point is within the tolerances. budget_spent: the factorizations have reached
-    max_local_search_factorizations, which says nothing of an answer by segments, as each of them has that budget.
-    starts, global_search: the options num_starts and global_search.
+    feasible: the point is within the tolerances. budget_spent: see is_budget_spent. starts, global_search: the options
+    num_starts and global_search.
     """
 
     status: Status
@@ -103,6 +104,17 @@ class SolutionFacts:
         if percent >= 1.0:
             return f"{math.ceil(10.0 * percent) / 10.0:.1f} %"
         return f"{max(1.0, math.ceil(100.0 * percent)) / 100.0:.2f} %"
+
+
+def is_budget_spent(factorizations: int, detail: str, options: Mapping[str, Any]) -> bool:
+    """Whether the search for better branches has spent its budget.
+
+    Each search has its own, and option effort adds to that of the first one. In a solution by segments each of them had
+    the budget, so their sum decides nothing.
+    """
+    searches = float(options.get("num_starts", 1)) + float(options.get("effort", 1.0))
+    budget = int(options.get("max_local_search_factorizations", 1000)) * searches
+    return factorizations >= budget and "segments; " not in detail
 
 
 def _filled(text: str, parts: dict[str, str]) -> str:
