@@ -256,6 +256,21 @@ TEST_F(JobCommands, JobReportsChangedOptionsTimesAndTrace) {
   EXPECT_EQ(marble("job " + id + " --trace /nonexistent/x").exit_code, 2);
 }
 
+TEST_F(JobCommands, JobReportsWhyItIsInfeasible) {
+  const std::string path = quoted(file("clash.json", kUnsolvable));
+  const std::string id = submit("--option explain=true " + path);
+  ASSERT_EQ(marble("result --wait " + id).exit_code, 1);
+  const Result text = marble("job " + id);
+  EXPECT_NE(text.out.find("conflict       inequalities 0, 1; minimal"), std::string::npos) << text.out;
+  EXPECT_NE(text.out.find("certificate    inequality "), std::string::npos) << text.out;
+  const Json why = marble("job --output json " + id).lines().at(0)["infeasibility"];
+  EXPECT_EQ(why["conflict"]["inequalities"], Json({0, 1}));
+  EXPECT_EQ(why["rows"].size(), 2U);
+  EXPECT_EQ(why["multipliers"].size(), 2U);
+  EXPECT_EQ(why["more_rows"], 0);
+  EXPECT_FALSE(marble("job --output json " + submit(good())).lines().at(0).contains("infeasibility"));
+}
+
 TEST_F(JobCommands, WatchEndsWithTheJobAndItsExitCode) {
   const std::string running = submit_long();
   const std::string waiting = submit(good());

@@ -209,7 +209,9 @@ Expected<JobDetails> Jobs::get(const std::string& job_id) const {
   connection_->note_reached();
   auto options = options_of(response.options());
   if (!options) return unexpected(options.error());
-  return JobDetails{client::job_info(response.job()), *options, client::job_trace(response.trace())};
+  JobDetails details{client::job_info(response.job()), *options, client::job_trace(response.trace())};
+  if (response.has_infeasibility()) details.infeasibility = client::infeasibility(response.infeasibility());
+  return details;
 }
 
 Expected<JobInfo> Jobs::cancel(const std::string& job_id) const {

@@ -1,14 +1,17 @@
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
 #include <iostream>
 #include <memory>
+#include <utility>
 
 #include "arguments/server_arguments.h"
 #include "base/complaint.h"
 #include "base/exit_code.h"
 #include "base/option_text.h"
 #include "commands/commands.h"
+#include "conflict/conflict_text.h"
 #include "output/iteration_table.h"
 #include "output/job_report.h"
 #include "output/proof.h"
@@ -55,6 +58,49 @@ void print_options(const Options& options) {
   if (!any) field("options", "all default");
 }
 
+// "equalities 0, 3; left sides 2"
+std::string parts_text(const Conflict& conflict) {
+  std::string text;
+  const auto add = [&text](const char* kind, const std::vector<Index>& indices) {
+    for (std::size_t k = 0; k < indices.size(); ++k) {
+      text += k > 0 ? ", " : (text.empty() ? "" : "; ") + std::string(kind) + " ";
+      text += std::to_string(indices[k]);
+    }
+  };
+  add("equalities", conflict.equalities);
+  add("inequalities", conflict.inequalities);
+  add("left sides", conflict.left_sides);
+  add("right sides", conflict.right_sides);
+  add("complementarities", conflict.complementarities);
+  return text;
+}
+
+// "inequality 3" for a position in the certificate.
+std::string row_text(const JobInfo& job, Index row) {
+  for (const auto& [kind, count] : {std::pair("equality", job.equalities),
+                                    {"inequality", job.inequalities},
+                                    {"left side", job.pairs},
+                                    {"right side", job.pairs}}) {
+    if (row < count) return kind + (" " + std::to_string(row));
+    row -= count;
+  }
+  return "row " + std::to_string(row);
+}
+
+void print(const JobInfo& job, const Infeasibility& why) {
+  const auto more = [](std::int64_t count) {
+    return count > 0 ? ", and " + std::to_string(count) + " more" : std::string();
+  };
+  if (why.conflict) {
+    field("conflict", parts_text(*why.conflict) + more(why.more_parts) +
+                          (why.conflict->minimal ? "; minimal" : "; perhaps fewer conflict already"));
+  }
+  std::string text;
+  for (std::size_t k = 0; k < std::min(why.rows.size(), why.multipliers.size()); ++k)
+    text += (k > 0 ? ", " : "") + row_text(job, why.rows[k]) + formatted(": %.4g", why.multipliers[k]);
+  if (!text.empty()) field("certificate", text + more(why.more_rows));
+}
+
 void print(const JobDetails& details) {
   const JobInfo& job = details.job;
   field("job", job.job_id);
@@ -73,6 +119,7 @@ void print(const JobDetails& details) {
   field("status", ending(job));
   if (job.error) field("why", job.error->message());
   if (!job.detail.empty()) field("detail", job.detail);
+  if (details.infeasibility) print(job, *details.infeasibility);
   if (job.kind == JobKind::session) field("updates", std::to_string(job.updates));
   if (job.kind == JobKind::array)
     field("elements", std::to_string(job.array.done) + " of " + std::to_string(job.array.elements));
@@ -120,6 +167,14 @@ Json json_of(const JobDetails& details) {
         entry = option_text(option, value);
         break;
     }
+  }
+  if (const auto& why = details.infeasibility) {
+    Json& entry = json["infeasibility"];
+    if (why->conflict) entry["conflict"] = conflict_json(*why->conflict, {});
+    entry["more_parts"] = why->more_parts;
+    entry["rows"] = why->rows;
+    entry["multipliers"] = why->multipliers;
+    entry["more_rows"] = why->more_rows;
   }
   json["trace_stride"] = details.trace.stride;
   json["trace"] = Json::array();

@@ -21,6 +21,7 @@
 #include "marble/problem.h"
 #include "marble/progress.h"
 #include "marble/remote_scenarios.h"
+#include "marble/report/conflict.h"
 #include "marble/solution.h"
 #include "marble/solver.h"
 
@@ -112,11 +113,25 @@ struct JobTrace {
   int stride = 1;              ///< >= 1
 };
 
+/// Why a problem is infeasible, of bounded length: Solution::conflict and Solution::certificate have all of
+/// it.
+struct Infeasibility {
+  /// With option explain: the conflict with its first 100 parts in the order of its members.
+  std::optional<Conflict> conflict = {};
+  std::int64_t more_parts = 0;  ///< number of further parts
+  /// Positions in the certificate of its largest multipliers, at most 8, largest first; empty without one.
+  std::vector<Index> rows = {};
+  std::vector<double> multipliers = {};  ///< of these rows
+  std::int64_t more_rows = 0;  ///< further rows whose multiplier is above a thousandth of the largest
+};
+
 /// All information about one job.
 struct JobDetails {
   JobInfo job;      ///< as in a list
   Options options;  ///< in force
   JobTrace trace;   ///< its convergence
+  /// Why its problem is infeasible; unset for any other status. Of a session, for its newest solve.
+  std::optional<Infeasibility> infeasibility = {};
 };
 
 /// A job that the server accepted.

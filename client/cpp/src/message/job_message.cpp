@@ -80,5 +80,14 @@ std::vector<Progress> progress_rows(const google::protobuf::RepeatedPtrField<v1:
 
 JobTrace job_trace(const v1::Trace& message) { return {progress_rows(message.rows()), message.stride()}; }
 
+Infeasibility infeasibility(const v1::Infeasibility& message) {
+  Infeasibility why{.more_parts = message.more_parts(),
+                    .rows = {message.rows().begin(), message.rows().end()},
+                    .multipliers = {message.multipliers().begin(), message.multipliers().end()},
+                    .more_rows = message.more_rows()};
+  if (message.has_conflict()) why.conflict = conflict_of(message.conflict());
+  return why;
+}
+
 }  // namespace client
 }  // namespace marble

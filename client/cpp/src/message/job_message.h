@@ -10,6 +10,7 @@ namespace marble::client {
 [[nodiscard]] std::vector<Progress> progress_rows(
     const google::protobuf::RepeatedPtrField<v1::Progress>& rows);
 [[nodiscard]] JobTrace job_trace(const v1::Trace& message);
+[[nodiscard]] Infeasibility infeasibility(const v1::Infeasibility& message);
 [[nodiscard]] v1::JobState to_message(JobState state);
 
 }  // namespace marble::client
