@@ -87,7 +87,6 @@ std::optional<Solution> solve_in_segments(const ScaledProblem& problem, const Op
   if (!checked) return std::nullopt;
   Options own = options;
   own.num_starts = 1;
-  own.effort = 0.0;
   own.global_search = false;
   own.max_feasibility_factorizations = 0;
   run.set_done(Phase::local_search, 0, std::ssize(ends));
