@@ -1,4 +1,4 @@
-"""A server of loadtest/crash_rounds and loadtest/batches/run, which is stopped and started again at one address."""
+"""A server of loadtest/crash_rounds, batches/run and queues, which can be stopped and started again at one address."""
 
 import os
 import signal

@@ -97,30 +97,30 @@ bool ExchangeSearch::move_to(Run& run, const Neighbour& to, double cutoff) {
   return move(run, trial_, cutoff);
 }
 
-// Lists as many neighbours as there are pairs, those that promise most first: what the side that becomes free
+// Lists as many neighbours as there are pairs, by largest estimated decrease: what the side that becomes free
 // gains by its multiplier, less what the other loses on its way to zero. A side that cannot reach zero by
 // itself says nothing of its exchanges. Pairs on opposite sides are exchanged: what one gives up, the other
 // may take.
 void ExchangeSearch::list_neighbours() {
   const Index pairs = problem_.pairs();
   const RowLayout& rows = problem_.layout;
-  std::vector<double> promise(static_cast<std::size_t>(pairs));
+  std::vector<double> decrease(static_cast<std::size_t>(pairs));
   neighbours_.clear();
   for (Index pair = 0; pair < pairs; ++pair) {
     const bool s = sides_[pair] != 0;
     const double loss = engine_->first_gain(s ? rows.t(pair) : rows.s(pair));
     const double gain = engine_->release_gain(s ? rows.s(pair) : rows.t(pair));
-    promise[pair] = gain - (std::isfinite(loss) ? loss : 0.0);
-    neighbours_.push_back({pair, pair, std::isfinite(loss) ? promise[pair] : -kInfinity});
+    decrease[pair] = gain - (std::isfinite(loss) ? loss : 0.0);
+    neighbours_.push_back({pair, pair, std::isfinite(loss) ? decrease[pair] : -kInfinity});
   }
   for (Index one = 0; one < pairs; ++one) {
     for (Index other = one + 1; other < pairs; ++other) {
-      if (sides_[one] != sides_[other]) neighbours_.push_back({one, other, promise[one] + promise[other]});
+      if (sides_[one] != sides_[other]) neighbours_.push_back({one, other, decrease[one] + decrease[other]});
     }
   }
   const auto most = neighbours_.begin() + std::min(pairs, static_cast<Index>(neighbours_.size()));
   std::ranges::partial_sort(neighbours_, most, [](const Neighbour& a, const Neighbour& b) {
-    return std::tie(b.promise, a.one, a.other) < std::tie(a.promise, b.one, b.other);
+    return std::tie(b.decrease, a.one, a.other) < std::tie(a.decrease, b.one, b.other);
   });
   neighbours_.erase(most, neighbours_.end());
 }

@@ -30,8 +30,8 @@ class ExchangeSearch {
  private:
   using Sides = std::vector<std::uint8_t>;  // as WorkingSet::s_fixed
   struct Neighbour {
-    Index one, other;      // pairs that change sides; the same for a single one
-    double promise = 0.0;  // the estimated decrease of the objective
+    Index one, other;       // pairs that change sides; the same for a single one
+    double decrease = 0.0;  // of the objective, estimated
   };
   [[nodiscard]] bool prepare(Run& run, double most_bytes);
   [[nodiscard]] bool start(Run& run);
