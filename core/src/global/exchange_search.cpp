@@ -8,6 +8,7 @@
 
 #include "model/tuning.h"
 #include "path/noise.h"
+#include "search/row_access.h"
 
 namespace marble {
 namespace {
@@ -18,6 +19,26 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 ExchangeSearch::ExchangeSearch(const ScaledProblem& problem, BranchPoint& point, Incumbent& incumbent)
     : problem_(problem), point_(point), incumbent_(incumbent) {}
+
+bool ExchangeSearch::applies(const ScaledProblem& problem) {
+  const RowAccess rows(problem);
+  const RowLayout& layout = problem.layout;
+  std::vector<Index> pair_of(static_cast<std::size_t>(problem.variables()), -1);
+  for (Index pair = 0; pair < layout.pairs; ++pair) {
+    for (const Index side : {layout.s(pair), layout.t(pair)})
+      rows.for_each_entry(rows.first_row() + side, [&](Index column, double) { pair_of[column] = pair; });
+  }
+  std::vector<Index> last_row(static_cast<std::size_t>(layout.pairs), -1);
+  for (Index row = 0; row < rows.first_row() + layout.inequalities; ++row) {
+    Index tied = 0;
+    rows.for_each_entry(row, [&](Index column, double) {
+      const Index pair = pair_of[column];
+      if (pair >= 0 && std::exchange(last_row[pair], row) != row) ++tied;
+    });
+    if (2 * tied >= layout.pairs) return true;
+  }
+  return false;
+}
 
 bool ExchangeSearch::prepare(Run& run, double most_bytes) {
   const double bytes = most_bytes - Gram::most_bytes(problem_);
@@ -31,12 +52,11 @@ bool ExchangeSearch::prepare(Run& run, double most_bytes) {
   return engine_->bytes() <= bytes && engine_->prepare(run);
 }
 
-std::int64_t ExchangeSearch::run(Run& run, const Budget& budget, double most_bytes) {
+std::int64_t ExchangeSearch::run(Run& run, std::int64_t most_points, double most_bytes) {
   const Run::Polishing polishing(run);
   bounded_ = 0;
-  most_ = budget.most;
-  last_ = std::min(budget.first, budget.most);
-  if (last_ <= 0 || !prepare(run, most_bytes) || !start(run)) return bounded_;
+  most_points_ = most_points;
+  if (!prepare(run, most_bytes) || !start(run)) return bounded_;
   while (descend(run)) {
     if (!perturb(run)) break;
   }
@@ -130,9 +150,7 @@ bool ExchangeSearch::find_better(Run& run) {
   list_neighbours();
   for (const Neighbour& to : neighbours_) {
     if (ended(run)) return false;
-    if (!move_to(run, to, cutoff())) continue;
-    if (objective_ < incumbent_.best().objective) last_ = most_;
-    return true;
+    if (move_to(run, to, cutoff())) return true;
   }
   return false;
 }

@@ -18,14 +18,12 @@ class ExchangeSearch {
   /// Solves better branches exactly on `point`, with the incumbent's engine.
   ExchangeSearch(const ScaledProblem& problem, BranchPoint& point, Incumbent& incumbent);
 
-  /// How many branches are bounded at most.
-  struct Budget {
-    std::int64_t first;  ///< as long as none is better than the incumbent
-    std::int64_t most;   ///< in all
-  };
+  /// True if a row of A or C ties at least half of the pairs together. Elsewhere exchanges hardly ever gain.
+  [[nodiscard]] static bool applies(const ScaledProblem& problem);
   /// Searches from the incumbent, then again and again from branches that differ from the best one in a few
-  /// exchanges. Returns how many branches it bounded: none if memory or a stop prevents it.
-  [[nodiscard]] std::int64_t run(Run& run, const Budget& budget, double most_bytes);
+  /// exchanges, until the engine has computed `most_points` points: each takes about as long as a
+  /// factorization. Returns how many branches it bounded: none if memory or a stop prevents it.
+  [[nodiscard]] std::int64_t run(Run& run, std::int64_t most_points, double most_bytes);
 
  private:
   using Sides = std::vector<std::uint8_t>;  // as WorkingSet::s_fixed
@@ -43,7 +41,9 @@ class ExchangeSearch {
   [[nodiscard]] bool perturb(Run& run);
   void offer(Run& run);
   [[nodiscard]] Index draw_pair();
-  [[nodiscard]] bool ended(const Run& run) const { return bounded_ >= last_ || run.interrupted(); }
+  [[nodiscard]] bool ended(const Run& run) const {
+    return engine_->points() >= most_points_ || run.interrupted();
+  }
   [[nodiscard]] double cutoff() const;
 
   const ScaledProblem& problem_;
@@ -56,7 +56,7 @@ class ExchangeSearch {
   double objective_ = 0.0;  // of the present branch, scaled: what the engine proves of it
   std::vector<Neighbour> neighbours_;
   std::uint64_t draws_ = 0;  // random numbers so far
-  std::int64_t bounded_ = 0, last_ = 0, most_ = 0;
+  std::int64_t bounded_ = 0, most_points_ = 0;
 };
 
 }  // namespace marble

@@ -134,6 +134,7 @@ Relaxation::End Relaxation::solve(const Box& box, double cutoff, const Interrupt
   bool undecided = false;
   const double parent = bound_;
   for (int pass = 0; pass < tuning::tree_passes; ++pass) {
+    ++points_;
     const DualActiveSet::End end = set_.run(enough, tuning::tree_steps, interrupt);
     if (interrupt.requested()) return End::interrupted;
     if (end == DualActiveSet::End::infeasible) {

@@ -57,6 +57,8 @@ class Relaxation final : public NodeEngine {
   [[nodiscard]] double release_gain(Index row) { return set_.release_gain(row); }
   [[nodiscard]] double bytes() override;
   [[nodiscard]] std::int64_t steps() const { return set_.steps(); }
+  /// Returns how many points all solves so far have computed.
+  [[nodiscard]] std::int64_t points() const { return points_; }
 
   void save() override;
   void restore() override;
@@ -79,6 +81,7 @@ class Relaxation final : public NodeEngine {
   Vector z_, y_, z_center_, y_center_;
   Vector signed_, step_, image_, rates_;
   double bound_ = 0.0;
+  std::int64_t points_ = 0;
   double estimate_ = -std::numeric_limits<double>::infinity();  // of the objective, after release()
   struct {
     DualActiveSet::State set;

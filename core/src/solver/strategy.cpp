@@ -251,7 +251,7 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool is_first) {
   if (tree.ray) return {unbounded_along(*std::move(tree.ray)), &path_point_.x};
   const bool convex = known_convex || tree.end != TreeResult::End::none;
   std::string remark;
-  if (exchange && convex && !tree.proved) remark = exchange_pairs(run, tree.nodes);
+  if (exchange && convex && !tree.proved) remark = exchange_pairs(run);
   std::optional<Multistart> elsewhere;
   if (!convex) elsewhere.emplace(problem_, kkt_, branch_.point, incumbent_);
   std::optional<UnboundedRay> ray;
@@ -301,22 +301,18 @@ std::int64_t Strategy::small_problem_work() const {
       std::min<double>(std::numeric_limits<int>::max(), options_.effort * options_.max_small_problem_nodes));
 }
 
-// Not where factors are sparse: there a branch takes as long as several factorizations of a local search.
 bool Strategy::may_exchange() const {
   return may_search_on() && small_problem_work() > 0 && problem_.pairs() >= 2 &&
-         problem_.pairs() <= tuning::exchange_pairs && !interior_point_pays(problem_, kkt_);
+         problem_.pairs() <= tuning::exchange_pairs && ExchangeSearch::applies(problem_);
 }
 
-// Before the first gain, it takes at most about as long as the solve has taken, with this number of nodes of
-// a tree; with option effort above 1, that many times the factorizations. Returns a remark.
-std::string Strategy::exchange_pairs(Run& run, std::int64_t nodes) {
+// Returns a remark.
+std::string Strategy::exchange_pairs(Run& run) {
   const PhaseScope phase(run.activity(), Phase::tree);
-  const double factorizations = std::max(1.0, options_.effort) * run.factorizations;
-  const auto first = static_cast<std::int64_t>(tuning::exchange_first * factorizations) + nodes;
   const auto most =
-      static_cast<std::int64_t>(tuning::exchange_most * static_cast<double>(small_problem_work()));
+      static_cast<std::int64_t>(tuning::exchange_points * static_cast<double>(small_problem_work()));
   ExchangeSearch search(problem_, branch_.point, incumbent_);
-  const std::int64_t bounded = search.run(run, {first, most}, tree_bytes_);
+  const std::int64_t bounded = search.run(run, most, tree_bytes_);
   show_incumbent(run);
   return bounded > 0 ? "; exchanges: " + std::to_string(bounded) + " branches" : "";
 }

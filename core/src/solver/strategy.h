@@ -170,7 +170,7 @@ class Strategy {
   [[nodiscard]] bool may_start_again() const;
   [[nodiscard]] bool may_exchange() const;
   [[nodiscard]] std::int64_t small_problem_work() const;
-  [[nodiscard]] std::string exchange_pairs(Run& run, std::int64_t nodes);
+  [[nodiscard]] std::string exchange_pairs(Run& run);
   [[nodiscard]] std::optional<Answer> find_by_small_tree(Run& run, TreeResult& tree);
   [[nodiscard]] TreeResult search_small_tree(Run& run, ConstVectorRef z, bool known_convex,
                                              std::int64_t nodes);
