@@ -239,6 +239,9 @@ Index DualActiveSet::next_candidate() {
 DualActiveSet::End DualActiveSet::run(double enough, int most_steps, const Interrupt& interrupt) {
   const std::int64_t last = steps_ + most_steps;
   Checkpoint checkpoint(interrupt);
+  // Every row that is added increases the dual objective. One that does not for so many rows in turn is lost
+  // in rounding.
+  Index stalled = 0;
   while (true) {
     Index row = most_violated();
     if (row < 0) return End::optimal;
@@ -246,8 +249,11 @@ DualActiveSet::End DualActiveSet::run(double enough, int most_steps, const Inter
     for (; row >= 0; row = next_candidate()) {
       if (gain_ >= enough) return End::cutoff;
       const auto held = static_cast<std::int64_t>(held_.size()) + 1;
-      if (steps_ >= last || checkpoint.reached(held * (held + gram_.size()))) return End::stopped;
+      if (steps_ >= last || stalled > gram_.size() || checkpoint.reached(held * (held + gram_.size())))
+        return End::stopped;
+      const double before = gain_;
       const Taken taken = take(row, enough, static_cast<int>(last - steps_));
+      stalled = gain_ > before ? 0 : stalled + 1;
       if (candidates_.empty() || taken != Taken::held) {
         if (!evaluate_slacks()) return End::stopped;
       }

@@ -16,9 +16,10 @@ using Matrix = Eigen::MatrixXd;
 using Vector = Eigen::VectorXd;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kFeasible = 1e-7;  // of rows of norm 1
-constexpr double kRunaway = 1e7;    // for rows of norm 1: an iterate this far out counts as unbounded
-constexpr double kSuspect = 1e3;    // for rows of norm 1: an iterate this far out may diverge to −∞
+constexpr double kFeasible = 1e-7;   // of rows of norm 1
+constexpr double kRunaway = 1e7;     // for rows of norm 1: an iterate this far out counts as unbounded
+constexpr double kConverged = 1e-7;  // residuals of the optimality conditions beside the gradient's size
+constexpr double kSuspect = 1e3;     // for rows of norm 1: an iterate this far out may diverge to −∞
 
 // min ½ yᵀHy + cᵀy  s.t.  G y + h ≥ 0
 struct Branch {
@@ -47,19 +48,24 @@ double longest_step(const Vector& x, const Vector& dx) {
   return step;
 }
 
+struct InteriorPoint {
+  Vector y;
+  double error;  // the largest residual of the optimality conditions, of rows of norm 1
+};
+
 // Mehrotra's predictor-corrector method from an infeasible start. The caller knows that the branch is
 // feasible.
-Vector interior_point(const Branch& p) {
+InteriorPoint interior_point(const Branch& p) {
   const Eigen::Index m = p.h.size();
   Vector y = Vector::Zero(p.c.size());
   Vector w = (p.G * y + p.h).cwiseAbs().cwiseMax(1.0);
   Vector nu = Vector::Ones(m);
+  double error = kInfinity;
   for (int iteration = 0; iteration < 200; ++iteration) {
     const Vector dual = p.H * y + p.c - p.G.transpose() * nu;
     const Vector primal = p.G * y + p.h - w;
     const double mu = m > 0 ? w.dot(nu) / static_cast<double>(m) : 0.0;
-    const double error =
-        std::max({dual.lpNorm<Eigen::Infinity>(), mu, m > 0 ? primal.lpNorm<Eigen::Infinity>() : 0.0});
+    error = std::max({dual.lpNorm<Eigen::Infinity>(), mu, m > 0 ? primal.lpNorm<Eigen::Infinity>() : 0.0});
     if (error < 1e-12 || y.lpNorm<Eigen::Infinity>() > kRunaway) break;
     Matrix normal = p.H + p.G.transpose() * nu.cwiseQuotient(w).asDiagonal() * p.G;
     normal.diagonal().array() += 1e-14 * (1.0 + normal.diagonal().maxCoeff());
@@ -86,7 +92,7 @@ Vector interior_point(const Branch& p) {
     w += step * dw;
     nu += step * dnu;
   }
-  return y;
+  return {y, error};
 }
 
 // Returns the least violation of G y + h ≥ 0, by the linear program over (y, violation), which is always
@@ -103,7 +109,7 @@ double least_violation(const Branch& p) {
   phase.G.col(n).setOnes();
   phase.h = Vector::Zero(m + 1);
   phase.h.head(m) = p.h;
-  const Vector y = interior_point(phase).head(n);
+  const Vector y = interior_point(phase).y.head(n);
   return m > 0 ? std::max(0.0, -(p.G * y + p.h).minCoeff()) : 0.0;
 }
 
@@ -125,7 +131,7 @@ bool is_unbounded(const Branch& p) {
   cone.G.bottomRows(count) = -Matrix::Identity(count, count);
   cone.h = Vector::Zero(m + 2 * count);
   cone.h.tail(2 * count).setOnes();
-  return cone.c.dot(interior_point(cone)) < -1e-6 * (1.0 + p.c.norm());
+  return cone.c.dot(interior_point(cone).y) < -1e-6 * (1.0 + p.c.norm());
 }
 
 // Scales rows to norm 1; a row without entries only restricts its constant.
@@ -167,6 +173,7 @@ struct Dense {
 struct BestPoint {
   Vector x;
   bool unbounded = false;
+  bool converged = true;
 };
 
 // Solves the branch where the pairs of `choice` have t = 0 and the others s = 0.
@@ -213,8 +220,10 @@ std::optional<BestPoint> best_point(const Dense& p, unsigned choice) {
   if (!normalize(branch.G, branch.h, false)) return std::nullopt;
   const double violation = least_violation(branch);
   if (violation > kFeasible * (1.0 + point.norm())) return std::nullopt;
-  const Vector x = point + basis * interior_point(branch);
-  return BestPoint{x, x.lpNorm<Eigen::Infinity>() > kSuspect && is_unbounded(branch)};
+  const auto [y, error] = interior_point(branch);
+  const Vector x = point + basis * y;
+  return BestPoint{x, x.lpNorm<Eigen::Infinity>() > kSuspect && is_unbounded(branch),
+                   error <= kConverged * (1.0 + branch.c.lpNorm<Eigen::Infinity>())};
 }
 
 }  // namespace
@@ -226,9 +235,10 @@ std::optional<GlobalOptimum> brute_force(const ProblemView& view) {
   for (unsigned choice = 0; choice < (1U << view.l.size()); ++choice) {
     const auto branch = best_point(p, choice);
     if (!branch) continue;
-    const auto& [x, unbounded] = *branch;
+    const auto& [x, unbounded, converged] = *branch;
     if (!best) best.emplace().objective = kInfinity;
     ++best->feasible_branches;
+    best->certain = best->certain && (converged || unbounded);
     const double objective = unbounded ? -kInfinity : 0.5 * x.dot(p.Q * x) + p.g.dot(x) + view.c0;
     if (objective >= best->objective) continue;
     best->objective = objective;

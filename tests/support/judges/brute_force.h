@@ -13,6 +13,7 @@ struct GlobalOptimum {
   double objective = 0.0;  ///< −∞ if unbounded
   std::vector<double> z;   ///< a point that attains it, to about 1e-8; empty if unbounded
   int feasible_branches = 0;
+  bool certain = true;  ///< the solve of each branch converged; if one did not, the optimum may be lower
 };
 
 /// Solves the convex QP of each of the 2^n_c choices of the zero side of each pair. For n_c <= 12 and a Q
