@@ -1,7 +1,7 @@
 // What is balanced in the scaled problem, and what has a digit in the user's units.
-#include "proof/balance.h"
-
 #include <gtest/gtest.h>
+
+#include "proof/balance.h"
 
 namespace marble {
 namespace {

@@ -3,7 +3,7 @@
 
 #include "marble/examples.h"
 #include "marble/research/methods.h"
-#include "research/small_problems.h"
+#include "research_problems.h"
 #include "support/judges/independent_check.h"
 #include "support/problems/random_problem.h"
 #include "workbench.h"

@@ -1,12 +1,11 @@
 // Segments one after the other: together they are a point of the whole, which further passes only lower.
-#include "horizon/sweep.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstdint>
 #include <vector>
 
+#include "horizon/sweep.h"
 #include "marble/examples.h"
 #include "support/judges/independent_check.h"
 

@@ -1,8 +1,7 @@
 // What second-order tests rely on: Q is looked at once, by one factorization at most, until it changes.
-#include "proof/convexity.h"
-
 #include <gtest/gtest.h>
 
+#include "proof/convexity.h"
 #include "workbench.h"
 
 namespace marble {

@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include "research/small_problems.h"
 #include "research/tuning.h"
+#include "research_problems.h"
 #include "workbench.h"
 
 namespace marble {

@@ -3,8 +3,8 @@
 
 #include "research/l1_penalty.h"
 #include "research/penalty_scp.h"
-#include "research/small_problems.h"
 #include "research/tuning.h"
+#include "research_problems.h"
 #include "workbench.h"
 
 namespace marble {

@@ -1,6 +1,4 @@
 // Stages in a pattern: found where there are some, however the variables are numbered, and only there.
-#include "horizon/stages.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,6 +6,7 @@
 #include <numeric>
 #include <random>
 
+#include "horizon/stages.h"
 #include "marble/examples.h"
 #include "model/entries.h"
 #include "support/problems/random_problem.h"

@@ -9,8 +9,8 @@
 #include "random_setting.h"
 #include "research/aladin_beta.h"
 #include "research/newton_system.h"
-#include "research/small_problems.h"
 #include "research/tuning.h"
+#include "research_problems.h"
 #include "support/judges/dense_algebra.h"
 #include "workbench.h"
 

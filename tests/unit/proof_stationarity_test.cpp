@@ -1,8 +1,7 @@
-#include "proof/stationarity.h"
-
 #include <gtest/gtest.h>
 
 #include "marble/solver.h"
+#include "proof/stationarity.h"
 #include "support/problems/small_problems.h"
 
 namespace marble {
