@@ -1,5 +1,5 @@
 // Symptom: the listener of the gRPC port was dead, and /readyz said 200: nothing restarted the server. What
-// it asks is tested in tests/server/net/port_probe_test.cpp; here that a server that is well says so, at
+// it asks is tested in tests/server/port_probe_test.cpp; here that a server that is well says so, at
 // whatever it listens.
 #include "http_service_test.h"
 
