@@ -1,4 +1,4 @@
-// What a solve records of its proofs. Whether the proofs hold is seen elsewhere (tests/proofs), by a program
+// What a solve records of its proofs. Whether the proofs hold is seen elsewhere (tests/cli/proof_files_test.py), by a program
 // that shares nothing with the solver.
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// What a terminal shows, as text: output goes in, the screen comes out. tests/cli/screen/screen_of does the
+// What a terminal shows, as text: output goes in, the screen comes out. tests/cli/screen_of does the
 // work, one process for the life of this.
 #pragma once
 
