@@ -10,7 +10,7 @@
 #include <fstream>
 #include <thread>
 
-#include "clients/clients.h"
+#include "clients.h"
 #include "support/processes/server_process.h"
 
 namespace marble::testing {

@@ -6,7 +6,7 @@
 
 #include "nl_functions/nl_nonlinear.h"
 #include "nl_writer.h"
-#include "poles/pole_problems.h"
+#include "pole_problems.h"
 
 namespace marble::testing {
 namespace {

@@ -10,7 +10,7 @@ from unittest import mock
 
 import numpy as np
 import pyomo.environ as pyo
-from page import almost_solved, example, local_and_remote, one_warning_of_almost
+from adapter_page import almost_solved, example, local_and_remote, one_warning_of_almost
 from pyomo.gdp import Disjunct, Disjunction
 from pyomo.mpec import Complementarity, complements
 from pyomo.opt import SolverStatus, TerminationCondition

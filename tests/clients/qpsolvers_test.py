@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import qpsolvers
 import scipy.sparse as sp
-from page import almost_solved, example, random_qp
+from adapter_page import almost_solved, example, random_qp
 
 import marble
 import marble.qpsolvers

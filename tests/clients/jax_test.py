@@ -7,7 +7,7 @@ import unittest
 import jax
 import jax.numpy as jnp
 import numpy as np
-from page import local_and_remote
+from adapter_page import local_and_remote
 
 import marble
 from marble.nlp.jax_pattern import pattern_of

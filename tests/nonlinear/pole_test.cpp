@@ -6,7 +6,7 @@
 
 #include "formula.h"
 #include "marble/nonlinear.h"
-#include "poles/pole_problems.h"
+#include "pole_problems.h"
 
 namespace marble::testing {
 namespace {

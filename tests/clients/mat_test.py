@@ -5,5 +5,5 @@ import sys
 
 import pytest
 
-TESTS = pathlib.Path(__file__).resolve().parents[3] / "client/python/tests"
+TESTS = pathlib.Path(__file__).resolve().parents[2] / "client/python/tests"
 sys.exit(pytest.main(["-q", "-p", "no:cacheprovider", str(TESTS / "test_mat.py")]))

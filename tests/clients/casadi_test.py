@@ -8,7 +8,7 @@ import warnings
 
 import casadi
 import numpy as np
-from page import almost_solved, example, local_and_remote
+from adapter_page import almost_solved, example, local_and_remote
 
 import marble
 from marble.casadi import from_casadi, mpccsol

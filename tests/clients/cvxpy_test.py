@@ -6,7 +6,7 @@ from unittest import mock
 
 import cvxpy
 import numpy as np
-from page import example, random_qp
+from adapter_page import example, random_qp
 
 import marble
 import marble.cvxpy

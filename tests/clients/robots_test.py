@@ -8,7 +8,7 @@ import unittest
 
 import pytest
 
-PROJECT = pathlib.Path(__file__).resolve().parents[3]
+PROJECT = pathlib.Path(__file__).resolve().parents[2]
 
 
 class Robots(unittest.TestCase):

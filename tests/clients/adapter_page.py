@@ -13,7 +13,7 @@ import numpy as np
 
 import marble
 
-ROOT = pathlib.Path(__file__).resolve().parents[3]
+ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 def example(tool):

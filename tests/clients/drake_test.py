@@ -4,7 +4,7 @@ import itertools
 import unittest
 
 import numpy as np
-from page import almost_solved, example
+from adapter_page import almost_solved, example
 from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolutionResult
 
 import marble
