@@ -10,8 +10,8 @@
 
 #include "marble/examples.h"
 #include "problems/noise.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/shared_problems.h"
+#include "support/independent_check.h"
+#include "support/shared_problems.h"
 
 namespace marble::suite {
 namespace {

@@ -14,8 +14,8 @@
 #include "marble/examples.h"
 #include "marble/solver.h"
 #include "peers/peers.h"
-#include "support/problems/shared_problems.h"
-#include "support/random/box_qp.h"
+#include "support/box_qp.h"
+#include "support/shared_problems.h"
 
 namespace marble::suite {
 namespace {

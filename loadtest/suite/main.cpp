@@ -9,7 +9,7 @@
 
 #include "families.h"
 #include "qp.h"
-#include "support/problems/shared_problems.h"
+#include "support/shared_problems.h"
 #include "tune.h"
 
 namespace {

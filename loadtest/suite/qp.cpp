@@ -14,7 +14,7 @@
 #include "peers/peers.h"
 #include "problems/quadratic_families.h"
 #include "record.h"
-#include "support/problems/small_problems.h"
+#include "support/small_problems.h"
 
 namespace marble::suite {
 namespace {

@@ -5,7 +5,7 @@
 #include <cstdio>
 
 #include "marble/research/methods.h"
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 namespace marble::suite {
 namespace {

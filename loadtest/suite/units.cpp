@@ -7,9 +7,9 @@
 
 #include "families.h"
 #include "problems/noise.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/other_units.h"
-#include "support/problems/shared_problems.h"
+#include "support/independent_check.h"
+#include "support/other_units.h"
+#include "support/shared_problems.h"
 
 namespace marble::suite {
 namespace {

@@ -11,7 +11,7 @@
 #include <thread>
 
 #include "clients.h"
-#include "support/processes/server_process.h"
+#include "support/server_process.h"
 
 namespace marble::testing {
 namespace {

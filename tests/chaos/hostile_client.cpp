@@ -2,7 +2,7 @@
 // pings that nobody reads the answers of. What becomes of them is the server's; nobody else may notice.
 #include "clients.h"
 #include "problems.h"
-#include "support/processes/raw_http2.h"
+#include "support/raw_http2.h"
 
 namespace marble::testing {
 namespace {

@@ -5,7 +5,7 @@
 #include "marble/convert.h"
 #include "marble/examples.h"
 #include "problems.h"
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 namespace marble::testing {
 namespace {

@@ -2,7 +2,7 @@
 #include <array>
 
 #include "clients.h"
-#include "support/processes/child_process.h"
+#include "support/child_process.h"
 
 namespace marble::testing {
 namespace {

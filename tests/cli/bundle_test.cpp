@@ -5,7 +5,7 @@
 #include <random>
 
 #include "replay_test.h"
-#include "support/processes/raw_http2.h"
+#include "support/raw_http2.h"
 
 namespace marble::testing {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "support/processes/server_process.h"
+#include "support/server_process.h"
 
 namespace marble::testing {
 

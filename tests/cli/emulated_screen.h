@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "support/processes/child_process.h"
+#include "support/child_process.h"
 
 namespace marble::testing {
 

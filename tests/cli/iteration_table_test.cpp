@@ -9,7 +9,7 @@
 #include <string>
 #include <thread>
 
-#include "support/processes/child_process.h"
+#include "support/child_process.h"
 
 namespace marble::cli {
 namespace {

@@ -1,7 +1,7 @@
 // A submitted job's bundle is there while the job waits, runs and is answered for, whatever keeps it; for its
 // own client and the role admin; and nothing in it says who they are.
 #include "replay_test.h"
-#include "support/processes/postgres_process.h"
+#include "support/postgres_process.h"
 
 namespace marble::testing {
 namespace {

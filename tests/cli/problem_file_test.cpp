@@ -7,8 +7,8 @@
 #include <cstring>
 #include <limits>
 
-#include "support/problems/random_problem.h"
-#include "support/problems/small_problems.h"
+#include "support/random_problem.h"
+#include "support/small_problems.h"
 
 namespace marble::testing {
 namespace {

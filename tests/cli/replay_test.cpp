@@ -5,8 +5,8 @@
 
 #include "marble/client.h"
 #include "marble/convert.h"
-#include "support/problems/coupled_problems.h"
-#include "support/problems/random_problem.h"
+#include "support/coupled_problems.h"
+#include "support/random_problem.h"
 
 namespace marble::testing {
 namespace {

@@ -12,9 +12,9 @@
 #include "marble/batch.h"
 #include "marble/client.h"
 #include "marble/session.h"
-#include "support/problems/random_problem.h"
-#include "support/processes/absent_server.h"
-#include "support/processes/server_process.h"
+#include "support/absent_server.h"
+#include "support/random_problem.h"
+#include "support/server_process.h"
 
 namespace marble::testing {
 namespace {

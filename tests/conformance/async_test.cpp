@@ -12,7 +12,7 @@
 #include "marble/examples.h"
 #include "marble/solver.h"
 #include "problems.h"
-#include "support/processes/server_process.h"
+#include "support/server_process.h"
 
 namespace marble::testing {
 namespace {

@@ -8,8 +8,8 @@
 #include "marble/client.h"
 #include "marble/convert.h"
 #include "problems.h"
-#include "support/problems/random_problem.h"
-#include "support/processes/server_process.h"
+#include "support/random_problem.h"
+#include "support/server_process.h"
 
 namespace marble::testing {
 namespace {

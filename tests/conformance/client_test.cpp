@@ -11,9 +11,9 @@
 #include "marble/convert.h"
 #include "marble/examples.h"
 #include "problems.h"
-#include "support/judges/same_solution.h"
-#include "support/problems/small_problems.h"
-#include "support/processes/server_process.h"
+#include "support/same_solution.h"
+#include "support/server_process.h"
+#include "support/small_problems.h"
 
 namespace marble::testing {
 namespace {

@@ -9,9 +9,9 @@
 #include "marble/examples.h"
 #include "marble/problem_file.h"
 #include "marble/solver.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/small_problems.h"
-#include "support/processes/server_process.h"
+#include "support/independent_check.h"
+#include "support/server_process.h"
+#include "support/small_problems.h"
 
 namespace marble::testing {
 namespace {

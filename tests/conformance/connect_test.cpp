@@ -10,7 +10,7 @@
 
 #include "marble/client.h"
 #include "marble/v1/service.grpc.pb.h"
-#include "support/processes/child_process.h"
+#include "support/child_process.h"
 
 namespace marble::testing {
 namespace {

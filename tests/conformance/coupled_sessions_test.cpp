@@ -11,8 +11,8 @@
 
 #include "marble/client.h"
 #include "marble/examples.h"
-#include "support/problems/coupled_problems.h"
-#include "support/processes/server_process.h"
+#include "support/coupled_problems.h"
+#include "support/server_process.h"
 
 namespace marble::testing {
 namespace {

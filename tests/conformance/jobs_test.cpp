@@ -9,9 +9,9 @@
 #include "marble/convert.h"
 #include "marble/examples.h"
 #include "problems.h"
-#include "support/problems/small_problems.h"
-#include "support/processes/losing_relay.h"
-#include "support/processes/server_process.h"
+#include "support/losing_relay.h"
+#include "support/server_process.h"
+#include "support/small_problems.h"
 
 namespace marble::testing {
 namespace {

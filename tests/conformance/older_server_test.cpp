@@ -10,7 +10,7 @@
 #include "marble/client.h"
 #include "marble/v1/fault.pb.h"
 #include "marble/v1/service.grpc.pb.h"
-#include "support/problems/small_problems.h"
+#include "support/small_problems.h"
 
 namespace marble::testing {
 namespace {

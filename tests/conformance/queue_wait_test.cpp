@@ -8,8 +8,8 @@
 #include "marble/client.h"
 #include "marble/convert.h"
 #include "problems.h"
-#include "support/problems/small_problems.h"
-#include "support/processes/server_process.h"
+#include "support/server_process.h"
+#include "support/small_problems.h"
 
 namespace marble::testing {
 namespace {

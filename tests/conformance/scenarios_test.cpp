@@ -6,7 +6,7 @@
 
 #include "marble/client.h"
 #include "marble/scenario_examples.h"
-#include "support/processes/server_process.h"
+#include "support/server_process.h"
 
 namespace marble::testing {
 namespace {

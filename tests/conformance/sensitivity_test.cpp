@@ -11,7 +11,7 @@
 
 #include "marble/client.h"
 #include "marble/examples.h"
-#include "support/processes/server_process.h"
+#include "support/server_process.h"
 
 namespace marble::testing {
 namespace {

@@ -2,8 +2,8 @@
 #include <gtest/gtest.h>
 
 #include "marble/client.h"
-#include "support/problems/small_problems.h"
-#include "support/processes/server_process.h"
+#include "support/server_process.h"
+#include "support/small_problems.h"
 
 namespace marble::testing {
 namespace {

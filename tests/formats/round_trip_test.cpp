@@ -6,9 +6,9 @@
 
 #include "formats.h"
 #include "marble/examples.h"
-#include "support/problems/random_problem.h"
-#include "support/problems/small_problems.h"
-#include "support/processes/child_process.h"
+#include "support/child_process.h"
+#include "support/random_problem.h"
+#include "support/small_problems.h"
 
 namespace marble::formats {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "marble/client.h"
 #include "plan/scenario.h"
-#include "support/processes/server_process.h"
+#include "support/server_process.h"
 
 namespace marble::testing {
 namespace {

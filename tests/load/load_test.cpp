@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "marble/client.h"
-#include "support/processes/server_process.h"
+#include "support/server_process.h"
 
 namespace marble::testing {
 namespace {

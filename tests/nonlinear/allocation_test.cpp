@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "marble/nonlinear.h"
-#include "support/judges/allocation_guard.h"
+#include "support/allocation_guard.h"
 
 namespace marble::testing {
 namespace {

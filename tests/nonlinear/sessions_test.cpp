@@ -10,7 +10,7 @@
 #include "marble/client.h"
 #include "marble/real_time.h"
 #include "sampled_bt6.h"
-#include "support/processes/server_process.h"
+#include "support/server_process.h"
 
 namespace marble::testing {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "support/processes/child_process.h"
+#include "support/child_process.h"
 
 namespace marble::server {
 namespace {

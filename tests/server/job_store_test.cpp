@@ -10,7 +10,7 @@
 #include <future>
 #include <map>
 
-#include "support/processes/child_process.h"
+#include "support/child_process.h"
 
 namespace marble::server {
 namespace {

@@ -11,7 +11,7 @@
 #include <string>
 #include <thread>
 
-#include "support/processes/child_process.h"
+#include "support/child_process.h"
 
 namespace marble::server {
 namespace {

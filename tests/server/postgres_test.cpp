@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "support/processes/postgres_process.h"
+#include "support/postgres_process.h"
 
 namespace marble::server {
 namespace {

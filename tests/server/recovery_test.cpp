@@ -9,7 +9,7 @@
 #include "problems.h"
 #include "server/idle_parts.h"
 #include "service/job_message.h"
-#include "support/processes/child_process.h"
+#include "support/child_process.h"
 
 namespace marble::server {
 namespace {

@@ -12,7 +12,7 @@
 #include "marble/convert.h"
 #include "marble/examples.h"
 #include "problems.h"
-#include "support/processes/child_process.h"
+#include "support/child_process.h"
 
 namespace marble::server {
 namespace {

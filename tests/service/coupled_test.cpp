@@ -9,7 +9,7 @@
 #include "marble/convert.h"
 #include "marble/convert_coupled.h"
 #include "marble/examples.h"
-#include "support/problems/coupled_problems.h"
+#include "support/coupled_problems.h"
 
 namespace marble::testing {
 namespace {

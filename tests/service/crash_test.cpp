@@ -7,7 +7,7 @@
 #include <ostream>
 
 #include "fleet_node.h"
-#include "support/processes/postgres_process.h"
+#include "support/postgres_process.h"
 
 namespace marble::testing {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "array_client.h"
 #include "fleet_node.h"
-#include "support/processes/postgres_process.h"
+#include "support/postgres_process.h"
 
 namespace marble::testing {
 namespace {

@@ -11,8 +11,8 @@
 #include "marble/convert_coupled.h"
 #include "marble/convert_scenarios.h"
 #include "marble/scenario_examples.h"
-#include "support/problems/coupled_problems.h"
-#include "support/processes/postgres_process.h"
+#include "support/coupled_problems.h"
+#include "support/postgres_process.h"
 
 namespace marble::testing {
 namespace {

@@ -3,7 +3,7 @@
 
 #include "fleet_node.h"
 #include "http_service_test.h"
-#include "support/processes/postgres_process.h"
+#include "support/postgres_process.h"
 
 namespace marble::testing {
 namespace {

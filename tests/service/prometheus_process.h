@@ -8,7 +8,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "support/processes/child_process.h"
+#include "support/child_process.h"
 
 namespace marble::testing {
 

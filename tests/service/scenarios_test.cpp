@@ -9,7 +9,7 @@
 #include "marble/convert.h"
 #include "marble/convert_scenarios.h"
 #include "marble/scenario_examples.h"
-#include "support/processes/raw_http2.h"
+#include "support/raw_http2.h"
 
 namespace marble::testing {
 namespace {

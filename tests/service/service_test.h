@@ -12,7 +12,7 @@
 #include "google/rpc/error_details.pb.h"
 #include "marble/v1/service.grpc.pb.h"
 #include "problems.h"
-#include "support/processes/server_process.h"
+#include "support/server_process.h"
 
 namespace marble::testing {
 

@@ -1,7 +1,7 @@
 // Updates with deadlines: what is answered, by when, and what the next one begins with.
 #include "marble/solver.h"
 #include "session_service_test.h"
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 namespace marble::testing {
 namespace {

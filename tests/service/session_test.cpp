@@ -6,7 +6,7 @@
 
 #include "marble/solver.h"
 #include "session_service_test.h"
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 namespace marble::testing {
 namespace {

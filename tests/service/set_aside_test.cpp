@@ -6,7 +6,7 @@
 #include <map>
 
 #include "fleet_node.h"
-#include "support/processes/postgres_process.h"
+#include "support/postgres_process.h"
 
 namespace marble::testing {
 namespace {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "support/processes/child_process.h"
+#include "support/child_process.h"
 
 namespace marble::testing {
 

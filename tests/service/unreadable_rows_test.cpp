@@ -2,7 +2,7 @@
 #include <gmock/gmock.h>
 
 #include "fleet_node.h"
-#include "support/processes/postgres_process.h"
+#include "support/postgres_process.h"
 
 namespace marble::testing {
 namespace {

@@ -8,7 +8,7 @@
 #include "marble/examples.h"
 #include "marble/progress.h"
 #include "marble/solver.h"
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {

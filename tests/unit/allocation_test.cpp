@@ -8,8 +8,8 @@
 
 #include "marble/examples.h"
 #include "marble/research/methods.h"
-#include "support/judges/allocation_guard.h"
-#include "support/problems/random_problem.h"
+#include "support/allocation_guard.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {

@@ -11,7 +11,7 @@
 #include "research/newton_system.h"
 #include "research/tuning.h"
 #include "research_problems.h"
-#include "support/judges/dense_algebra.h"
+#include "support/dense_algebra.h"
 #include "workbench.h"
 
 namespace marble {

@@ -5,7 +5,7 @@
 
 #include "branch/branch_engines.h"
 #include "model/tuning.h"
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 #include "workbench.h"
 
 namespace marble {

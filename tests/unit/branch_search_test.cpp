@@ -12,7 +12,7 @@
 
 #include "branch/branch_engines.h"
 #include "marble/examples.h"
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 #include "workbench.h"
 
 namespace marble {

@@ -1,5 +1,5 @@
 // The reference that others are compared with: it must be right where the answer is known.
-#include "support/judges/brute_force.h"
+#include "support/brute_force.h"
 
 #include <gtest/gtest.h>
 
@@ -7,10 +7,10 @@
 #include <limits>
 
 #include "marble/solver.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/random_problem.h"
-#include "support/problems/shared_problems.h"
-#include "support/problems/small_problems.h"
+#include "support/independent_check.h"
+#include "support/random_problem.h"
+#include "support/shared_problems.h"
+#include "support/small_problems.h"
 
 namespace marble::testing {
 namespace {

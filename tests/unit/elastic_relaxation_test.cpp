@@ -8,8 +8,8 @@
 #include <limits>
 
 #include "branch/branch_engines.h"
-#include "support/problems/random_problem.h"
-#include "support/problems/small_problems.h"
+#include "support/random_problem.h"
+#include "support/small_problems.h"
 #include "workbench.h"
 
 namespace marble {

@@ -8,10 +8,10 @@
 #include <limits>
 
 #include "branch/branch_engines.h"
-#include "support/judges/brute_force.h"
-#include "support/problems/branch.h"
-#include "support/problems/random_problem.h"
-#include "support/problems/small_problems.h"
+#include "support/branch.h"
+#include "support/brute_force.h"
+#include "support/random_problem.h"
+#include "support/small_problems.h"
 #include "workbench.h"
 
 namespace marble {

@@ -8,8 +8,8 @@
 #include "marble/problem.h"
 #include "marble/published_examples.h"
 #include "marble/solver.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/shared_problems.h"
+#include "support/independent_check.h"
+#include "support/shared_problems.h"
 
 namespace marble::examples {
 namespace {

@@ -9,8 +9,8 @@
 #include "branch/branch_engines.h"
 #include "marble/examples.h"
 #include "marble/solver.h"
-#include "support/judges/independent_check.h"
-#include "support/random/portfolio.h"
+#include "support/independent_check.h"
+#include "support/portfolio.h"
 #include "workbench.h"
 
 namespace marble {

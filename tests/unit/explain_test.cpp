@@ -9,10 +9,10 @@
 
 #include "marble/solver.h"
 #include "marble/warm_solver.h"
-#include "support/judges/conflict_check.h"
-#include "support/problems/problem_builder.h"
-#include "support/problems/random_problem.h"
-#include "support/random/planted_conflict.h"
+#include "support/conflict_check.h"
+#include "support/planted_conflict.h"
+#include "support/problem_builder.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {

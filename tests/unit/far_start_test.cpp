@@ -10,10 +10,10 @@
 
 #include "marble/solver.h"
 #include "marble/warm_solver.h"
-#include "support/judges/brute_force.h"
-#include "support/judges/dense_matrix.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/random_problem.h"
+#include "support/brute_force.h"
+#include "support/dense_matrix.h"
+#include "support/independent_check.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {

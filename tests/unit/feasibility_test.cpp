@@ -12,9 +12,9 @@
 
 #include "global/lemke.h"
 #include "marble/solver.h"
-#include "support/judges/dense_matrix.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/random_problem.h"
+#include "support/dense_matrix.h"
+#include "support/independent_check.h"
+#include "support/random_problem.h"
 #include "workbench.h"
 
 namespace marble {

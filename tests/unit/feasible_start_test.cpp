@@ -7,9 +7,9 @@
 #include "marble/examples.h"
 #include "marble/solver.h"
 #include "marble/warm_solver.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/random_problem.h"
-#include "support/random/control_step.h"
+#include "support/control_step.h"
+#include "support/independent_check.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {

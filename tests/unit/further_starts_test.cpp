@@ -9,8 +9,8 @@
 
 #include "marble/examples.h"
 #include "marble/solver.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/random_problem.h"
+#include "support/independent_check.h"
+#include "support/random_problem.h"
 #include "workbench.h"
 
 namespace marble {

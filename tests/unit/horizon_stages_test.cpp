@@ -9,7 +9,7 @@
 #include "horizon/stages.h"
 #include "marble/examples.h"
 #include "model/entries.h"
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {

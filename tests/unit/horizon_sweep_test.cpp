@@ -7,7 +7,7 @@
 
 #include "horizon/sweep.h"
 #include "marble/examples.h"
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 namespace marble {
 namespace {

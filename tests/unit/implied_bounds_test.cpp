@@ -8,11 +8,11 @@
 #include <string>
 
 #include "marble/warm_solver.h"
-#include "support/judges/brute_force.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/problem_builder.h"
-#include "support/problems/random_problem.h"
-#include "support/random/box_qp.h"
+#include "support/box_qp.h"
+#include "support/brute_force.h"
+#include "support/independent_check.h"
+#include "support/problem_builder.h"
+#include "support/random_problem.h"
 #include "workbench.h"
 
 namespace marble {

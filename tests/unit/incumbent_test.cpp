@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "branch/branch_engines.h"
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 #include "workbench.h"
 
 namespace marble {

@@ -1,12 +1,12 @@
 // A judge that cannot condemn would make every other test pass: each fault must show, and only where it is.
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "support/problems/small_problems.h"
+#include "support/small_problems.h"
 
 namespace marble::testing {
 namespace {

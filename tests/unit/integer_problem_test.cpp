@@ -1,5 +1,5 @@
 // What the enumeration of all branches says of random problems of small integers, the solver says too.
-#include "support/random/integer_problem.h"
+#include "support/integer_problem.h"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@
 #include <string>
 
 #include "marble/solver.h"
-#include "support/judges/brute_force.h"
-#include "support/judges/independent_check.h"
+#include "support/brute_force.h"
+#include "support/independent_check.h"
 
 namespace marble {
 namespace {

@@ -8,8 +8,8 @@
 #include <string>
 
 #include "marble/solver.h"
-#include "support/judges/brute_force.h"
-#include "support/problems/random_problem.h"
+#include "support/brute_force.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {

@@ -9,8 +9,8 @@
 #include "branch/branch_engines.h"
 #include "marble/examples.h"
 #include "row_parts.h"
-#include "support/problems/random_problem.h"
-#include "support/problems/small_problems.h"
+#include "support/random_problem.h"
+#include "support/small_problems.h"
 #include "workbench.h"
 
 namespace marble {

@@ -5,7 +5,7 @@
 #include "dense_system.h"
 #include "random_setting.h"
 #include "random_vector.h"
-#include "support/judges/dense_algebra.h"
+#include "support/dense_algebra.h"
 
 namespace marble {
 namespace {

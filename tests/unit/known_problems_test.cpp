@@ -5,9 +5,9 @@
 
 #include "marble/examples.h"
 #include "marble/solver.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/other_units.h"
-#include "support/problems/small_problems.h"
+#include "support/independent_check.h"
+#include "support/other_units.h"
+#include "support/small_problems.h"
 
 namespace marble {
 namespace {

@@ -5,7 +5,7 @@
 #include "dense_system.h"
 #include "random_setting.h"
 #include "row_parts.h"
-#include "support/judges/dense_algebra.h"
+#include "support/dense_algebra.h"
 
 namespace marble {
 namespace {

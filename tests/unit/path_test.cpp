@@ -9,8 +9,8 @@
 #include <limits>
 
 #include "marble/examples.h"
-#include "support/problems/random_problem.h"
-#include "support/problems/small_problems.h"
+#include "support/random_problem.h"
+#include "support/small_problems.h"
 #include "workbench.h"
 
 namespace marble {

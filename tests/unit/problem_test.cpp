@@ -6,7 +6,7 @@
 #include <limits>
 #include <random>
 
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {

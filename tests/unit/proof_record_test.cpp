@@ -1,11 +1,11 @@
-// What a solve records of its proofs. Whether the proofs hold is seen elsewhere (tests/cli/proof_files_test.py), by a program
-// that shares nothing with the solver.
+// What a solve records of its proofs. Whether the proofs hold is seen elsewhere
+// (tests/cli/proof_files_test.py), by a program that shares nothing with the solver.
 #include <gtest/gtest.h>
 
 #include "marble/examples.h"
 #include "marble/solver.h"
-#include "support/problems/problem_builder.h"
-#include "support/problems/random_problem.h"
+#include "support/problem_builder.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {

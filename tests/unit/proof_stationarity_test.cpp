@@ -2,7 +2,7 @@
 
 #include "marble/solver.h"
 #include "proof/stationarity.h"
-#include "support/problems/small_problems.h"
+#include "support/small_problems.h"
 
 namespace marble {
 namespace {

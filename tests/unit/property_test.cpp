@@ -6,9 +6,9 @@
 #include <string>
 
 #include "marble/solver.h"
-#include "support/judges/brute_force.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/random_problem.h"
+#include "support/brute_force.h"
+#include "support/independent_check.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {

@@ -2,8 +2,8 @@
 #include <gtest/gtest.h>
 
 #include "marble/solver.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/small_problems.h"
+#include "support/independent_check.h"
+#include "support/small_problems.h"
 
 namespace marble {
 namespace {

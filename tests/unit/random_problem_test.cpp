@@ -1,8 +1,8 @@
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 
 #include <gtest/gtest.h>
 
-#include "support/judges/brute_force.h"
+#include "support/brute_force.h"
 
 namespace marble::testing {
 namespace {

@@ -8,7 +8,7 @@
 #include "kkt/sparse_kkt.h"
 #include "model/residual.h"
 #include "random_vector.h"
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 
 namespace marble::testing {
 

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 #include "workbench.h"
 
 namespace marble {

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 #include "workbench.h"
 
 namespace marble {

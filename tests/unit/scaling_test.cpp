@@ -5,7 +5,7 @@
 #include "dense_system.h"
 #include "random_setting.h"
 #include "row_parts.h"
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 namespace marble {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <vector>
 
-#include "support/judges/brute_force.h"
-#include "support/problems/branch.h"
-#include "support/problems/random_problem.h"
+#include "support/branch.h"
+#include "support/brute_force.h"
+#include "support/random_problem.h"
 #include "workbench.h"
 
 namespace marble {

@@ -12,7 +12,7 @@
 #include "marble/examples.h"
 #include "marble/sensitivity.h"
 #include "marble/warm_solver.h"
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {

@@ -9,8 +9,8 @@
 #include <random>
 
 #include "marble/solver.h"
-#include "support/judges/dense_matrix.h"
-#include "support/problems/random_problem.h"
+#include "support/dense_matrix.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "marble/solver.h"
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 #include "workbench.h"
 
 namespace marble {

@@ -8,10 +8,10 @@
 #include <thread>
 
 #include "marble/examples.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/branch.h"
-#include "support/problems/random_problem.h"
-#include "support/problems/small_problems.h"
+#include "support/branch.h"
+#include "support/independent_check.h"
+#include "support/random_problem.h"
+#include "support/small_problems.h"
 
 namespace marble {
 namespace {

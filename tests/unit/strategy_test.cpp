@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "marble/examples.h"
-#include "support/judges/brute_force.h"
-#include "support/problems/random_problem.h"
-#include "support/problems/small_problems.h"
+#include "support/brute_force.h"
+#include "support/random_problem.h"
+#include "support/small_problems.h"
 #include "workbench.h"
 
 namespace marble {

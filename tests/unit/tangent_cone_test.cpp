@@ -7,7 +7,7 @@
 
 #include "model/tuning.h"
 #include "proof/stationarity.h"
-#include "support/judges/brute_force.h"
+#include "support/brute_force.h"
 #include "workbench.h"
 
 namespace marble {

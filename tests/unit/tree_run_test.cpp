@@ -8,7 +8,7 @@
 #include "global/expansion.h"
 #include "marble/examples.h"
 #include "marble/solver.h"
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 #include "workbench.h"
 
 namespace marble {

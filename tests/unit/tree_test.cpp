@@ -8,9 +8,9 @@
 
 #include "marble/examples.h"
 #include "marble/warm_solver.h"
-#include "support/judges/brute_force.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/random_problem.h"
+#include "support/brute_force.h"
+#include "support/independent_check.h"
+#include "support/random_problem.h"
 #include "workbench.h"
 
 namespace marble {

@@ -7,7 +7,7 @@
 #include "kkt/kkt.h"
 #include "model/residual.h"
 #include "path/run.h"
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 namespace marble::testing {
 

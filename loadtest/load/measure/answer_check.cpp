@@ -8,7 +8,7 @@
 #include <sstream>
 
 #include "marble/convert.h"
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 namespace marble::load {
 namespace {

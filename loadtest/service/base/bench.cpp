@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "marble/convert.h"
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 namespace marble::bench {
 

@@ -10,7 +10,7 @@
 
 #include "marble/problem.h"
 #include "marble/v1/service.grpc.pb.h"
-#include "support/processes/server_process.h"
+#include "support/server_process.h"
 
 namespace marble::bench {
 

@@ -11,7 +11,7 @@
 #include "marble/convert.h"
 #include "marble/examples.h"
 #include "parts/parts.h"
-#include "support/processes/postgres_process.h"
+#include "support/postgres_process.h"
 
 namespace marble::bench {
 namespace {

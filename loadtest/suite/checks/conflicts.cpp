@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "families.h"
-#include "support/judges/conflict_check.h"
-#include "support/random/planted_conflict.h"
+#include "support/conflict_check.h"
+#include "support/planted_conflict.h"
 
 namespace marble::suite {
 namespace {

@@ -21,9 +21,9 @@
 #include "marble/json_proof.h"
 #include "marble/solver.h"
 #include "problems/hard_families.h"
-#include "support/problems/shared_problems.h"
-#include "support/random/ill_conditioned.h"
-#include "support/random/integer_problem.h"
+#include "support/ill_conditioned.h"
+#include "support/integer_problem.h"
+#include "support/shared_problems.h"
 
 namespace marble::suite {
 namespace {

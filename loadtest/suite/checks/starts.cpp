@@ -9,9 +9,9 @@
 
 #include "families.h"
 #include "marble/warm_solver.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/branch.h"
-#include "support/random/control_step.h"
+#include "support/branch.h"
+#include "support/control_step.h"
+#include "support/independent_check.h"
 
 namespace marble::suite {
 namespace {

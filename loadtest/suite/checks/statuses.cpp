@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "families.h"
-#include "support/judges/brute_force.h"
-#include "support/judges/independent_check.h"
-#include "support/random/ill_conditioned.h"
-#include "support/random/integer_problem.h"
+#include "support/brute_force.h"
+#include "support/ill_conditioned.h"
+#include "support/independent_check.h"
+#include "support/integer_problem.h"
 
 namespace marble::suite {
 namespace {

@@ -10,9 +10,9 @@
 #include "families.h"
 #include "marble/composite/pieces.h"
 #include "marble/examples.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/coupled_problems.h"
-#include "support/processes/threads.h"
+#include "support/coupled_problems.h"
+#include "support/independent_check.h"
+#include "support/threads.h"
 
 namespace marble::suite {
 namespace {

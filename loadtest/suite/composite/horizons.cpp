@@ -9,7 +9,7 @@
 #include "families.h"
 #include "marble/composite/pieces.h"
 #include "marble/examples.h"
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 namespace marble::suite {
 namespace {

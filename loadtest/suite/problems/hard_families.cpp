@@ -7,8 +7,8 @@
 #include "marble/published_examples.h"
 #include "model.h"
 #include "problems/noise.h"
-#include "support/random/box_qp.h"
-#include "support/random/portfolio.h"
+#include "support/box_qp.h"
+#include "support/portfolio.h"
 
 namespace marble::suite {
 namespace {

@@ -9,9 +9,9 @@
 #include "problems/hard_families.h"
 #include "problems/noise.h"
 #include "problems/quadratic_families.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/other_units.h"
-#include "support/problems/random_problem.h"
+#include "support/independent_check.h"
+#include "support/other_units.h"
+#include "support/random_problem.h"
 
 namespace marble::suite {
 namespace {

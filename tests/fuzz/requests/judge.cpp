@@ -16,9 +16,9 @@
 #include "marble/convert_scenarios.h"
 #include "requests/dense.h"
 #include "requests/findings.h"
-#include "support/judges/brute_force.h"
-#include "support/judges/conflict_check.h"
-#include "support/judges/independent_check.h"
+#include "support/brute_force.h"
+#include "support/conflict_check.h"
+#include "support/independent_check.h"
 
 namespace marble::fuzz {
 namespace {

@@ -7,8 +7,8 @@
 #include "requests/dense.h"
 #include "requests/findings.h"
 #include "requests/judge.h"
-#include "support/judges/dense_algebra.h"
-#include "support/judges/independent_check.h"
+#include "support/dense_algebra.h"
+#include "support/independent_check.h"
 
 namespace marble::fuzz {
 namespace {

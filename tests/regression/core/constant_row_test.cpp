@@ -5,7 +5,7 @@
 #include <Eigen/Core>
 
 #include "marble/solver.h"
-#include "support/judges/dense_matrix.h"
+#include "support/dense_matrix.h"
 
 namespace marble {
 namespace {

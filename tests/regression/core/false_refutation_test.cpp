@@ -7,8 +7,8 @@
 #include <gtest/gtest.h>
 
 #include "marble/solver.h"
-#include "support/judges/independent_check.h"
-#include "support/random/ill_conditioned.h"
+#include "support/ill_conditioned.h"
+#include "support/independent_check.h"
 
 namespace marble {
 namespace {

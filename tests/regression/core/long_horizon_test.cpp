@@ -6,7 +6,7 @@
 
 #include "marble/examples.h"
 #include "marble/solver.h"
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 namespace marble {
 namespace {

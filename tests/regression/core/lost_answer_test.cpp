@@ -9,7 +9,7 @@
 #include <limits>
 
 #include "marble/solver.h"
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 namespace marble {
 namespace {

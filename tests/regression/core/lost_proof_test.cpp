@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "marble/solver.h"
-#include "support/problems/small_problems.h"
+#include "support/small_problems.h"
 
 namespace marble {
 namespace {

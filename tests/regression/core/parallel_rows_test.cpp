@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "marble/solver.h"
-#include "support/judges/dense_matrix.h"
+#include "support/dense_matrix.h"
 
 namespace marble {
 namespace {

@@ -12,8 +12,8 @@
 
 #include "marble/examples.h"
 #include "marble/solver.h"
-#include "support/judges/dense_algebra.h"
-#include "support/judges/dense_matrix.h"
+#include "support/dense_algebra.h"
+#include "support/dense_matrix.h"
 
 namespace marble {
 namespace {

@@ -14,8 +14,8 @@
 
 #include "marble/warm_solver.h"
 #include "model/scaling.h"
-#include "support/judges/dense_matrix.h"
-#include "support/problems/random_problem.h"
+#include "support/dense_matrix.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {

@@ -14,7 +14,7 @@
 #include "kkt/ordering.h"
 #include "kkt/sparse_ldl.h"
 #include "marble/solver.h"
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "marble/solver.h"
-#include "support/problems/problem_builder.h"
+#include "support/problem_builder.h"
 
 namespace marble {
 namespace {

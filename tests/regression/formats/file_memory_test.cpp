@@ -8,7 +8,7 @@
 #include <fstream>
 
 #include "mtx/matrix_market.h"
-#include "support/processes/child_process.h"
+#include "support/child_process.h"
 
 namespace marble::formats {
 namespace {

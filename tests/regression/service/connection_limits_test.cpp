@@ -1,7 +1,7 @@
 // Symptom: nothing bounded connections, in all or of a host, and nothing closed those that never said a word:
 // 5000 silent ones were open for as long as they liked, 3000 with HTTP/2 and no call likewise.
 #include "http_service_test.h"
-#include "support/processes/raw_http2.h"
+#include "support/raw_http2.h"
 
 namespace marble::testing {
 namespace {

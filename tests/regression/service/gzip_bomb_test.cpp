@@ -1,7 +1,7 @@
 // Symptom: one message of 10 MB with `grpc-encoding: gzip`, from anybody who reached the port, took 10 GB;
 // the server was killed for want of memory. The bound of a message was asked after it had been inflated.
 #include "service_test.h"
-#include "support/processes/raw_http2.h"
+#include "support/raw_http2.h"
 
 namespace marble::testing {
 namespace {

@@ -2,7 +2,7 @@
 // liked, without credentials: 6 of them 1.6 GB, 30 killed the server. gRPC reads the message of a unary
 // method before it shows the call, so that nobody had asked who called.
 #include "secure_service_test.h"
-#include "support/processes/raw_http2.h"
+#include "support/raw_http2.h"
 
 namespace marble::testing {
 namespace {

@@ -2,7 +2,7 @@
 // of memory for each that it sent until the server was killed: 2 GB in 8 s, without credentials. gRPC 1.51
 // looks at the size of each frame alone (as in CVE-2023-33953).
 #include "service_test.h"
-#include "support/processes/raw_http2.h"
+#include "support/raw_http2.h"
 
 namespace marble::testing {
 namespace {

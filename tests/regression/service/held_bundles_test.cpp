@@ -2,7 +2,7 @@
 // that client liked: RESOURCE_EXHAUSTED "bundles = 2". Cause: the server counted bundles in all, without a
 // share of a client and without a time.
 #include "secure_service_test.h"
-#include "support/processes/raw_http2.h"
+#include "support/raw_http2.h"
 
 namespace marble::testing {
 namespace {

@@ -1,7 +1,7 @@
 // Symptom: a thousand calls of Jobs.Result for one kept answer of 4 MB, on a connection that read none of
 // them, took 3.9 GB for as long as it liked: each call had a copy of its own.
 #include "http_service_test.h"
-#include "support/processes/raw_http2.h"
+#include "support/raw_http2.h"
 
 namespace marble::testing {
 namespace {

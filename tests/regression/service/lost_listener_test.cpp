@@ -4,7 +4,7 @@
 #include <sys/stat.h>
 
 #include "service_test.h"
-#include "support/processes/raw_http2.h"
+#include "support/raw_http2.h"
 
 namespace marble::testing {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "service/bidi.h"
 #include "service/http_service_test.h"
-#include "support/problems/partial_matrix.h"
+#include "support/partial_matrix.h"
 
 namespace marble::testing {
 namespace {

@@ -6,7 +6,7 @@
 // of past solves alone.
 #include "marble/convert.h"
 #include "service_test.h"
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 
 namespace marble::testing {
 namespace {

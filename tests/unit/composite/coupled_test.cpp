@@ -7,12 +7,12 @@
 #include <algorithm>
 #include <limits>
 
-#include "support/judges/dense_algebra.h"
-#include "support/judges/dense_matrix.h"
-#include "support/judges/independent_check.h"
-#include "support/judges/same_solution.h"
-#include "support/problems/coupled_problems.h"
-#include "support/processes/threads.h"
+#include "support/coupled_problems.h"
+#include "support/dense_algebra.h"
+#include "support/dense_matrix.h"
+#include "support/independent_check.h"
+#include "support/same_solution.h"
+#include "support/threads.h"
 
 namespace marble {
 namespace {

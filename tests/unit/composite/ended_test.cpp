@@ -13,8 +13,8 @@
 #include "marble/composite/lifted_block.h"
 #include "marble/composite/pieces.h"
 #include "path/memory_budget.h"
-#include "support/judges/dense_matrix.h"
-#include "support/problems/coupled_problems.h"
+#include "support/coupled_problems.h"
+#include "support/dense_matrix.h"
 
 namespace marble {
 namespace {

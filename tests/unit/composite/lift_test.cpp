@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "composite/random_scenarios.h"
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 namespace marble {
 namespace {

@@ -8,8 +8,8 @@
 #include <cmath>
 
 #include "marble/solver.h"
-#include "support/judges/dense_algebra.h"
-#include "support/problems/coupled_problems.h"
+#include "support/coupled_problems.h"
+#include "support/dense_algebra.h"
 
 namespace marble {
 namespace {

@@ -8,10 +8,10 @@
 #include "marble/composite/coupled.h"
 #include "marble/composite/pieces.h"
 #include "marble/composite/scenarios.h"
-#include "support/judges/dense_matrix.h"
-#include "support/judges/independent_check.h"
-#include "support/problems/coupled_problems.h"
-#include "support/problems/partial_matrix.h"
+#include "support/coupled_problems.h"
+#include "support/dense_matrix.h"
+#include "support/independent_check.h"
+#include "support/partial_matrix.h"
 
 namespace marble {
 namespace {

@@ -8,8 +8,8 @@
 #include <limits>
 
 #include "marble/examples.h"
-#include "support/judges/dense_matrix.h"
-#include "support/judges/independent_check.h"
+#include "support/dense_matrix.h"
+#include "support/independent_check.h"
 
 namespace marble {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "marble/composite/scenarios.h"
 #include "random_vector.h"
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 
 namespace marble::testing {
 

@@ -9,7 +9,7 @@
 #include "composite/random_scenarios.h"
 #include "composite/stages.h"
 #include "marble/scenario_examples.h"
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 namespace marble {
 namespace {

@@ -1,4 +1,4 @@
-#include "support/judges/dense_algebra.h"
+#include "support/dense_algebra.h"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>

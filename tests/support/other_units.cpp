@@ -1,4 +1,4 @@
-#include "support/problems/other_units.h"
+#include "support/other_units.h"
 
 namespace marble::testing {
 namespace {

@@ -1,4 +1,4 @@
-#include "support/judges/brute_force.h"
+#include "support/brute_force.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -7,7 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "support/judges/dense_algebra.h"
+#include "support/dense_algebra.h"
 
 namespace marble::testing {
 namespace {

@@ -1,4 +1,4 @@
-#include "support/random/box_qp.h"
+#include "support/box_qp.h"
 
 #include <Eigen/Core>
 #include <algorithm>

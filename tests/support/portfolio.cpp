@@ -1,4 +1,4 @@
-#include "support/random/portfolio.h"
+#include "support/portfolio.h"
 
 #include <Eigen/Dense>
 #include <algorithm>

@@ -1,10 +1,10 @@
-#include "support/problems/small_problems.h"
+#include "support/small_problems.h"
 
 #include <algorithm>
 #include <cmath>
 #include <iterator>
 
-#include "support/problems/problem_builder.h"
+#include "support/problem_builder.h"
 
 namespace marble::testing {
 namespace {

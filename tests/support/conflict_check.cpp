@@ -1,11 +1,11 @@
-#include "support/judges/conflict_check.h"
+#include "support/conflict_check.h"
 
 #include <algorithm>
 #include <cstddef>
 #include <stdexcept>
 #include <vector>
 
-#include "support/judges/brute_force.h"
+#include "support/brute_force.h"
 
 namespace marble::testing {
 namespace {

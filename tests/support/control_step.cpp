@@ -1,11 +1,11 @@
-#include "support/random/control_step.h"
+#include "support/control_step.h"
 
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "model.h"
-#include "support/judges/dense_algebra.h"
+#include "support/dense_algebra.h"
 
 namespace marble::testing {
 namespace {

@@ -1,4 +1,4 @@
-#include "support/random/ill_conditioned.h"
+#include "support/ill_conditioned.h"
 
 #include <Eigen/QR>
 #include <algorithm>

@@ -1,4 +1,4 @@
-#include "support/random/planted_conflict.h"
+#include "support/planted_conflict.h"
 
 #include <Eigen/Core>
 #include <random>

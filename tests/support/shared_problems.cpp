@@ -1,4 +1,4 @@
-#include "support/problems/shared_problems.h"
+#include "support/shared_problems.h"
 
 #include <cstdlib>
 #include <fstream>

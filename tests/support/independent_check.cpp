@@ -1,4 +1,4 @@
-#include "support/judges/independent_check.h"
+#include "support/independent_check.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "support/problems/coupled_problems.h"
+#include "support/coupled_problems.h"
 
 #include <Eigen/Core>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "marble/examples.h"
-#include "support/judges/dense_matrix.h"
+#include "support/dense_matrix.h"
 
 namespace marble::testing {
 namespace {

@@ -2,8 +2,8 @@
 #include <cmath>
 #include <initializer_list>
 
-#include "support/problems/problem_builder.h"
-#include "support/problems/small_problems.h"
+#include "support/problem_builder.h"
+#include "support/small_problems.h"
 
 namespace marble::testing {
 namespace {

@@ -1,4 +1,4 @@
-#include "support/random/integer_problem.h"
+#include "support/integer_problem.h"
 
 #include <algorithm>
 #include <random>

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "support/problems/small_problems.h"
+#include "support/small_problems.h"
 
 namespace marble::testing {
 

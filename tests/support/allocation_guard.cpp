@@ -1,4 +1,4 @@
-#include "support/judges/allocation_guard.h"
+#include "support/allocation_guard.h"
 
 #include <atomic>
 #include <cerrno>

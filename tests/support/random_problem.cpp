@@ -1,10 +1,10 @@
-#include "support/problems/random_problem.h"
+#include "support/random_problem.h"
 
 #include <Eigen/Core>
 #include <algorithm>
 #include <random>
 
-#include "support/judges/dense_matrix.h"
+#include "support/dense_matrix.h"
 
 namespace marble::testing {
 namespace {
