@@ -256,7 +256,7 @@ print("leaves")
 @pytest.mark.parametrize("kind", ["handle", "thread", "session"])
 def test_an_interpreter_ends_while_something_is_under_way(either, server, kind):
     address = "local" if either.address == "in process" else server.address
-    folder = pathlib.Path(__file__).parent.parent
+    folder = pathlib.Path(__file__).parent
     done = subprocess.run([sys.executable, "-c", PROGRAM.format(address=address, kind=kind)], capture_output=True,
                           text=True, timeout=120, cwd=folder, env=clean_environment())
     assert (done.returncode, done.stdout, done.stderr) == (0, "leaves\n", "")

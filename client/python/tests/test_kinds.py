@@ -13,7 +13,7 @@ import pytest
 import marble
 from marble.model.solution_kind import SolutionFacts
 
-TABLES = pathlib.Path(__file__).resolve().parents[4] / "tests/answers"
+TABLES = pathlib.Path(__file__).resolve().parents[3] / "tests/answers"
 CASES = json.loads((TABLES / "kinds.json").read_text("utf-8"))
 BUDGETS = json.loads((TABLES / "budgets.json").read_text("utf-8"))
 

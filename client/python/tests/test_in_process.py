@@ -226,7 +226,7 @@ def test_a_deadline_gives_the_solve_up_and_a_time_limit_does_not(here):
 def test_ctrl_c_is_a_keyboard_interrupt_and_the_next_solve_runs(call):
     program = f"""
 import sys, threading, time, os, signal
-sys.path.insert(0, {str(pathlib.Path(__file__).parent.parent)!r})
+sys.path.insert(0, {str(pathlib.Path(__file__).parent)!r})
 from support import long_solve, tiny
 import marble
 problem, options = long_solve()
