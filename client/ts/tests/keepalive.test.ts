@@ -3,10 +3,10 @@ import assert from "node:assert/strict";
 
 import { type ConnectOptions, type Session, UnavailableError, connect } from "@marble/client";
 
-import { corner, endless, long } from "../support/problems.js";
-import { Relay } from "../support/relay.js";
-import { Server, eventually } from "../support/server.js";
-import { test } from "../support/test.js";
+import { corner, endless, long } from "./support/problems.js";
+import { Relay } from "./support/relay.js";
+import { Server, eventually } from "./support/server.js";
+import { test } from "./support/test.js";
 
 // The server permits half of its two seconds.
 const often = { timeMs: 1100, timeoutMs: 2000 };

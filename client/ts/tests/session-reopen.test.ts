@@ -14,9 +14,9 @@ import {
   shiftByStage,
 } from "@marble/client";
 
-import { chain, corner, endless, long } from "../support/problems.js";
-import { Server, eventually, streamingStandIn } from "../support/server.js";
-import { test } from "../support/test.js";
+import { chain, corner, endless, long } from "./support/problems.js";
+import { Server, eventually, streamingStandIn } from "./support/server.js";
+import { test } from "./support/test.js";
 
 const stages = 20;
 const problem = chain(stages);

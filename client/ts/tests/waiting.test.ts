@@ -12,10 +12,10 @@ import {
   connect,
 } from "@marble/client";
 
-import { corner, endless, long } from "../support/problems.js";
-import { field, refusal, small, solved } from "../support/messages.js";
-import { Server, eventually, streamingStandIn } from "../support/server.js";
-import { test } from "../support/test.js";
+import { corner, endless, long } from "./support/problems.js";
+import { field, refusal, small, solved } from "./support/messages.js";
+import { Server, eventually, streamingStandIn } from "./support/server.js";
+import { test } from "./support/test.js";
 
 /** A client that has reached its server, with a long wait for slow machines. */
 async function known(address: string, options: ConnectOptions = { waitMs: 60_000 }): Promise<Client> {

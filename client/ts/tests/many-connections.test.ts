@@ -3,10 +3,10 @@ import assert from "node:assert/strict";
 
 import { type Client, type Session, connect } from "@marble/client";
 
-import { corner } from "../support/problems.js";
-import { Relay } from "../support/relay.js";
-import { Server } from "../support/server.js";
-import { test } from "../support/test.js";
+import { corner } from "./support/problems.js";
+import { Relay } from "./support/relay.js";
+import { Server } from "./support/server.js";
+import { test } from "./support/test.js";
 
 const room = ["--sessions", "6000", "--client-sessions", "6000", "--session-bytes", "16000000000"];
 

@@ -3,9 +3,9 @@ import assert from "node:assert/strict";
 
 import { type Client, connect } from "@marble/client";
 
-import { corner, endless, long } from "../support/problems.js";
-import { Server, type StandIn, eventually, standIn } from "../support/server.js";
-import { test } from "../support/test.js";
+import { corner, endless, long } from "./support/problems.js";
+import { Server, type StandIn, eventually, standIn } from "./support/server.js";
+import { test } from "./support/test.js";
 
 const list = (...servers: Server[]): string => servers.map((server) => server.address).join(",");
 
