@@ -51,6 +51,9 @@ def make_contract(target):
 
 class BuildWithContract(build_py):
     def run(self):
+        for built in (pathlib.Path(self.build_lib) / "marble").rglob("*.py"):  # an earlier module may hide a present one
+            if not (HERE / "src" / built.relative_to(self.build_lib)).is_file():
+                built.unlink()
         super().run()
         shutil.copyfile(version_file(), pathlib.Path(self.build_lib) / "marble" / "VERSION")
         make_contract(pathlib.Path(self.build_lib) / "marble" / "contract.pb")

@@ -7,9 +7,9 @@
 
 #include "answers.h"
 #include "arrays.h"
-#include "calls/call.h"
-#include "calls/ctrl_c.h"
-#include "composite/composite.h"
+#include "call.h"
+#include "composite.h"
+#include "ctrl_c.h"
 #include "marble/composite/counter_random.h"
 #include "marble/options.h"
 #include "marble/solver.h"

@@ -6,8 +6,8 @@
 
 #include "answers.h"
 #include "arrays.h"
-#include "calls/call.h"
-#include "composite/composite.h"
+#include "call.h"
+#include "composite.h"
 #include "marble/composite/scenario_samples.h"
 
 namespace marble::python {

@@ -8,8 +8,8 @@
 
 #include "answers.h"
 #include "arrays.h"
-#include "calls/call.h"
-#include "composite/composite.h"
+#include "call.h"
+#include "composite.h"
 #include "marble/composite/coupled_progress.h"
 #include "marble/composite/lifted_block.h"
 #include "marble/composite/pieces.h"

@@ -1,4 +1,4 @@
-#include "calls/call.h"
+#include "call.h"
 
 #include <algorithm>
 #include <chrono>
@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "answers.h"
-#include "calls/ctrl_c.h"
+#include "ctrl_c.h"
 #include "settings.h"
 
 namespace marble::python {

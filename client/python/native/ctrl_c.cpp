@@ -1,4 +1,4 @@
-#include "calls/ctrl_c.h"
+#include "ctrl_c.h"
 
 #include <atomic>
 
