@@ -4,8 +4,8 @@
 #include <iostream>
 #include <sstream>
 
-#include "ampl/command_line.h"
-#include "ampl/driver.h"
+#include "ampl/ampl_command_line.h"
+#include "ampl/ampl_driver.h"
 #include "base/complaint.h"
 #include "base/exit_code.h"
 #include "commands/commands.h"

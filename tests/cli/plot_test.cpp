@@ -6,12 +6,12 @@
 #include <limits>
 
 #include "marble/progress.h"
+#include "output/convergence.h"
 #include "output/proof.h"
+#include "output/trace_file.h"
+#include "output/trace_picture.h"
 #include "terminal/sparkline.h"
 #include "terminal/terminal_plot.h"
-#include "trace/convergence.h"
-#include "trace/trace_file.h"
-#include "trace/trace_picture.h"
 
 namespace marble::cli {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "terminal/line.h"
 #include "watch/layout.h"
-#include "watch/state/model.h"
+#include "watch/model.h"
 #include "watch/view.h"
 
 namespace marble::cli {

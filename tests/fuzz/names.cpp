@@ -2,9 +2,9 @@
 #include <cstdint>
 #include <string>
 
-#include "conflict/problem_names.h"
 #include "expect.h"
 #include "marble/problem_file.h"
+#include "output/problem_names.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace marble;

@@ -3,7 +3,7 @@
 #include "base/complaint.h"
 #include "base/exit_code.h"
 #include "commands/commands.h"
-#include "comparison/comparison_arguments.h"
+#include "research/comparison_arguments.h"
 
 namespace marble::cli {
 namespace {

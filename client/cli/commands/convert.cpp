@@ -4,8 +4,8 @@
 #include "base/complaint.h"
 #include "base/exit_code.h"
 #include "commands/commands.h"
-#include "conflict/problem_names.h"
 #include "formats.h"
+#include "output/problem_names.h"
 
 namespace marble::cli {
 namespace {

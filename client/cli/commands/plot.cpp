@@ -11,11 +11,11 @@
 #include "base/complaint.h"
 #include "base/exit_code.h"
 #include "commands/commands.h"
+#include "output/convergence.h"
+#include "output/trace_file.h"
+#include "output/trace_picture.h"
 #include "terminal/locale.h"
 #include "terminal/terminal_plot.h"
-#include "trace/convergence.h"
-#include "trace/trace_file.h"
-#include "trace/trace_picture.h"
 
 namespace marble::cli {
 namespace {

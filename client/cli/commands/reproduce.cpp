@@ -9,12 +9,12 @@
 #include "base/exit_code.h"
 #include "base/interrupt.h"
 #include "commands/commands.h"
-#include "comparison/comparison_arguments.h"
 #include "marble/examples.h"
 #include "marble/published_examples.h"
-#include "reproduction/aladin_figures.h"
-#include "reproduction/retractions.h"
-#include "reproduction/retrospective_levels.h"
+#include "research/aladin_figures.h"
+#include "research/comparison_arguments.h"
+#include "research/retractions.h"
+#include "research/retrospective_levels.h"
 
 namespace marble::cli {
 namespace {

@@ -10,12 +10,12 @@
 #include "base/complaint.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
-#include "conflict/conflict_text.h"
 #include "marble/json_proof.h"
 #include "marble/solver.h"
+#include "output/conflict_text.h"
 #include "output/iteration_table.h"
+#include "output/trace_file.h"
 #include "plain_text.h"
-#include "trace/trace_file.h"
 
 namespace marble::cli {
 namespace {

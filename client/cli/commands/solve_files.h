@@ -7,8 +7,8 @@
 #include <string>
 
 #include "arguments/solve_arguments.h"
-#include "conflict/problem_names.h"
 #include "marble/problem_file.h"
+#include "output/problem_names.h"
 #include "output/report.h"
 
 namespace marble::cli {

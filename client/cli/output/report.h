@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "conflict/conflict_text.h"
 #include "marble/client.h"
 #include "marble/options.h"
 #include "marble/problem_file.h"
+#include "output/conflict_text.h"
 
 namespace marble::cli {
 

@@ -12,7 +12,7 @@
 
 #include "marble/client.h"
 #include "mutex.h"
-#include "watch/state/model.h"
+#include "watch/model.h"
 
 namespace marble::cli {
 

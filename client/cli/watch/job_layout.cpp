@@ -4,10 +4,10 @@
 #include <cmath>
 #include <span>
 
+#include "output/convergence.h"
 #include "output/job_report.h"
 #include "output/proof.h"
 #include "terminal/terminal_plot.h"
-#include "trace/convergence.h"
 #include "watch/layout.h"
 
 namespace marble::cli {

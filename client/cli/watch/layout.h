@@ -5,7 +5,7 @@
 #include <cstddef>
 
 #include "terminal/line.h"
-#include "watch/state/model.h"
+#include "watch/model.h"
 #include "watch/view.h"
 
 namespace marble::cli {

@@ -3,10 +3,10 @@
 #include <array>
 #include <cmath>
 
+#include "output/convergence.h"
 #include "output/job_report.h"
 #include "output/proof.h"
 #include "terminal/sparkline.h"
-#include "trace/convergence.h"
 #include "watch/layout.h"
 
 namespace marble::cli {

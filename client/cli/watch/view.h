@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "terminal/key.h"
-#include "watch/state/job_table.h"
+#include "watch/job_table.h"
 
 namespace marble::cli {
 

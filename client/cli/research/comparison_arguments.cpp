@@ -1,0 +1,157 @@
+#include "research/comparison_arguments.h"
+
+#include <algorithm>
+#include <iostream>
+#include <map>
+
+#include "base/atomic_file.h"
+#include "base/complaint.h"
+#include "base/exit_code.h"
+#include "base/interrupt.h"
+#include "formats.h"
+#include "output/text_table.h"
+#include "research/comparison_table.h"
+
+namespace marble::cli {
+namespace {
+
+int fails(const Error& error) {
+  complain(error.message());
+  return kBadInput;
+}
+
+Expected<void> write_table(const Comparison& comparison, const std::string& path) {
+  auto file = AtomicFile::open(path);
+  if (!file) return unexpected(std::move(file.error()));
+  file->write(comparison_table(comparison, table_format(path)));
+  return file->commit();
+}
+
+Expected<void> write_files(const ComparisonArguments& arguments, const Comparison& comparison,
+                           const std::string& title) {
+  if (!arguments.table.empty()) {
+    if (auto written = write_table(comparison, arguments.table); !written) return written;
+  }
+  if (arguments.profile.empty()) return {};
+  return write_profile(comparison.profile(), title, arguments.profile);
+}
+
+bool solved_by_first(const Comparison& comparison) {
+  return std::ranges::all_of(comparison.entries, [&comparison](const Entry& entry) {
+    return entry.solved || entry.contestant != comparison.entries.front().contestant;
+  });
+}
+
+}  // namespace
+
+void add_comparison_arguments(CLI::App& command, ComparisonArguments& arguments) {
+  add_solver_arguments(command, arguments.solver);
+  command
+      .add_option("--with", arguments.with,
+                  "'NAME: OPTION=VALUE ...': this solver by these options, in process; may be repeated")
+      ->allow_extra_args(false);
+  command
+      .add_option(
+          "--methods", arguments.methods,
+          "methods of option method, with commas between: this solver and those of others, in process")
+      ->delimiter(',');
+  command
+      .add_option(
+          "--peer", arguments.peers,
+          "'NAME: COMMAND': a program that takes a problem's JSON file as its last argument and prints "
+          "a line {\"status\": ..., \"z\": [...], \"seconds\": ...}; may be repeated")
+      ->allow_extra_args(false);
+  command
+      .add_option("--recorded", arguments.recorded,
+                  "CSV of what others reached before: name,solver,status,objective,equality,inequality,"
+                  "complementarity,iterations,ms; may be repeated")
+      ->allow_extra_args(false);
+  command
+      .add_option("--runs", arguments.settings.runs, "of each on each problem, in turns; the median counts")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  command
+      .add_option("--tolerance", arguments.settings.tolerance,
+                  "largest violation of a feasible point, in the problem's units")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  command
+      .add_option("--pairs", arguments.settings.pairs,
+                  "how far a pair is from being complementary: its smaller_side, or the product of its sides")
+      ->transform(CLI::CheckedTransformer(std::map<std::string, PairMeasure>{
+          {"smaller_side", PairMeasure::smaller_side}, {"product", PairMeasure::product}}));
+  command
+      .add_option("--gap", arguments.settings.gap,
+                  "how far above the best objective a solved one may be, relative, or absolute below 1")
+      ->check(CLI::Range(0.0, 1e9))
+      ->capture_default_str();
+  command.add_option("--table", arguments.table, "write the table to a file: .md, .csv, or text");
+  command.add_option("--profile,--figure", arguments.profile,
+                     "write the performance profile to a file: .svg or .png by gnuplot, else CSV");
+}
+
+Expected<std::vector<Contestant>> contestants_of(const ComparisonArguments& arguments,
+                                                 const std::vector<std::string>& own) {
+  const auto base = parse_research_options(arguments.solver);
+  if (!base) return unexpected(base.error());
+  std::vector<Contestant> all;
+  for (const std::string& text : arguments.with.empty() && arguments.methods.empty() ? own : arguments.with) {
+    auto contestant = contestant_by_options("--with", text, *base);
+    if (!contestant) return unexpected(std::move(contestant.error()));
+    all.push_back(std::move(*contestant));
+  }
+  for (const std::string& method : arguments.methods) {
+    Options options = *base;
+    if (auto set = set_option_text(options, "method", method); !set)
+      return unexpected(of_field("--methods", set.error()));
+    all.push_back({method, options});
+  }
+  for (const std::string& text : arguments.peers) {
+    auto contestant = contestant_by_command("--peer", text);
+    if (!contestant) return unexpected(std::move(contestant.error()));
+    all.push_back(std::move(*contestant));
+  }
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    if (std::ranges::count(all, all[k].name, &Contestant::name) > 1)
+      return unexpected(invalid("--with, --methods and --peer", all[k].name, "must be names that differ"));
+  }
+  return all;
+}
+
+Expected<std::vector<ProblemFile>> read_all(const std::vector<std::string>& paths) {
+  std::vector<ProblemFile> problems;
+  for (const std::string& path : paths) {
+    auto problem = formats::read_any_problem(path);
+    if (!problem) return unexpected(of_field(path, problem.error()));
+    problems.push_back(std::move(*problem));
+  }
+  return problems;
+}
+
+int compare_and_report(const ComparisonArguments& arguments, const std::vector<ProblemFile>& problems,
+                       const std::vector<Contestant>& contestants, const std::string& title) {
+  ComparisonSettings settings = arguments.settings;
+  const double limit = parse_research_options(arguments.solver)->time_limit_s;
+  if (!arguments.solver.time_limit_s.empty()) settings.time_limit_s = limit;
+  std::vector<Entry> recorded;
+  for (const std::string& path : arguments.recorded) {
+    auto entries = read_recorded(path);
+    if (!entries) return fails(entries.error());
+    recorded.insert(recorded.end(), entries->begin(), entries->end());
+  }
+  const Interrupt interrupt;
+  const auto comparison = compare(problems, contestants, recorded, settings, interrupt.token());
+  if (!comparison) return fails(comparison.error());
+  if (!comparison->entries.empty())
+    std::cout << comparison_table(*comparison, TableFormat::text) << '\n'
+              << comparison_summary(*comparison, settings) << std::flush;
+  std::cerr << comparison_faults(*comparison);
+  if (comparison->interrupted) {
+    complain("interrupted: what came after is missing");
+    return kNotSolved;
+  }
+  if (auto written = write_files(arguments, *comparison, title); !written) return fails(written.error());
+  return solved_by_first(*comparison) ? kAllSolved : kNotSolved;
+}
+
+}  // namespace marble::cli
