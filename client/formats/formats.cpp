@@ -3,10 +3,10 @@
 #include <filesystem>
 #include <fstream>
 
-#include "mtx/matrix_market.h"
+#include "file_bytes.h"
+#include "matrix_market.h"
 #include "nl/nl_problem.h"
-#include "npz/npz_problem.h"
-#include "parts/file_bytes.h"
+#include "npz_problem.h"
 
 namespace marble::formats {
 namespace {

@@ -5,11 +5,11 @@
 #include <functional>
 #include <random>
 
+#include "assembler.h"
 #include "marble/nonlinear.h"
+#include "nl/nl_nonlinear.h"
 #include "nl/nl_problem.h"
-#include "nl_functions/nl_nonlinear.h"
 #include "nl_writer.h"
-#include "parts/assembler.h"
 
 namespace marble::formats {
 namespace {

@@ -4,7 +4,7 @@
 #include <functional>
 #include <sstream>
 
-#include "nl_functions/nl_nonlinear.h"
+#include "nl/nl_nonlinear.h"
 #include "nl_writer.h"
 #include "pole_problems.h"
 

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "nl_functions/nl_nonlinear.h"
+#include "nl/nl_nonlinear.h"
 #include "nl_writer.h"
 
 namespace marble::formats {

@@ -3,7 +3,7 @@
 #include <string_view>
 
 #include "expect.h"
-#include "mtx/matrix_market.h"
+#include "matrix_market.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   marble::formats::MatrixMarketParts parts;

@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include "expect.h"
-#include "nl_functions/expression_file.h"
+#include "nl/expression_file.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using marble::formats::read_expressions;

@@ -1,5 +1,5 @@
 // One NumPy array, as it lies in an .npz archive.
-#include "npz/npy.h"
+#include "npy.h"
 
 #include <cstdint>
 #include <string_view>

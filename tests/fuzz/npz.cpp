@@ -3,7 +3,7 @@
 #include <string_view>
 
 #include "expect.h"
-#include "npz/npz_problem.h"
+#include "npz_problem.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto file = marble::formats::parse_npz({reinterpret_cast<const char*>(data), size}, "fuzz");

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "marble/nonlinear.h"
-#include "nl_functions/nl_nonlinear.h"
+#include "nl/nl_nonlinear.h"
 
 namespace marble::cli {
 

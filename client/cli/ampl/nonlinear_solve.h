@@ -3,7 +3,7 @@
 
 #include "arguments/server_arguments.h"
 #include "marble/nonlinear.h"
-#include "nl_functions/nl_nonlinear.h"
+#include "nl/nl_nonlinear.h"
 
 namespace marble::cli {
 

@@ -4,9 +4,9 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "file_bytes.h"
 #include "formats.h"
 #include "output/json.h"
-#include "parts/file_bytes.h"
 
 namespace marble::cli {
 namespace {

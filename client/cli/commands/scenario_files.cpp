@@ -9,9 +9,9 @@
 #include <string_view>
 #include <utility>
 
-#include "npz/npz_problem.h"
+#include "file_bytes.h"
+#include "npz_problem.h"
 #include "output/json.h"
-#include "parts/file_bytes.h"
 
 namespace marble::cli {
 namespace {

@@ -12,6 +12,7 @@
 #include "base/exit_code.h"
 #include "commands/commands.h"
 #include "commands/solve_files.h"
+#include "file_bytes.h"
 #include "formats.h"
 #include "marble/client.h"
 #include "marble/convert.h"
@@ -19,7 +20,6 @@
 #include "marble/v1/service.pb.h"
 #include "output/iteration_table.h"
 #include "output/problem_names.h"
-#include "parts/file_bytes.h"
 #include "plain_text.h"
 #include "replay/bundle_file.h"
 

@@ -4,10 +4,10 @@
 #include <iterator>
 #include <tuple>
 
+#include "file_bytes.h"
 #include "formats.h"
 #include "nl/nl_problem.h"
 #include "output/json.h"
-#include "parts/file_bytes.h"
 
 namespace marble::cli {
 namespace {

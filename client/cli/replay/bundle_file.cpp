@@ -1,7 +1,7 @@
 #include "replay/bundle_file.h"
 
 #include "base/atomic_file.h"
-#include "parts/file_bytes.h"
+#include "file_bytes.h"
 
 namespace marble::cli {
 

@@ -4,11 +4,11 @@
 #include <string>
 #include <vector>
 
+#include "assembler.h"
 #include "marble/error.h"
 #include "nl/nl_names.h"
 #include "nl/nl_problem.h"
 #include "nl/quadratic.h"
-#include "parts/assembler.h"
 
 namespace marble::formats {
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "file_limits.h"
 #include "nl/nl_segments.h"
-#include "parts/file_limits.h"
 
 namespace marble::formats {
 namespace {

@@ -6,9 +6,9 @@
 #include <utility>
 #include <vector>
 
+#include "nesting.h"
 #include "nl/nl_model.h"
 #include "nl/nl_tokens.h"
-#include "parts/nesting.h"
 
 namespace marble::formats {
 

@@ -7,7 +7,7 @@
 
 #include <fstream>
 
-#include "mtx/matrix_market.h"
+#include "matrix_market.h"
 #include "support/child_process.h"
 
 namespace marble::formats {

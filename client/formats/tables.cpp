@@ -1,4 +1,4 @@
-#include "parts/tables.h"
+#include "tables.h"
 
 #include <algorithm>
 #include <span>

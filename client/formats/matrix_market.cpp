@@ -1,4 +1,4 @@
-#include "mtx/matrix_market.h"
+#include "matrix_market.h"
 
 #include <array>
 #include <charconv>
@@ -6,9 +6,9 @@
 #include <fstream>
 #include <sstream>
 
-#include "parts/file_bytes.h"
-#include "parts/file_limits.h"
-#include "parts/tables.h"
+#include "file_bytes.h"
+#include "file_limits.h"
+#include "tables.h"
 
 namespace marble::formats {
 namespace {

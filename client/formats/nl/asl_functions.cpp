@@ -1,4 +1,4 @@
-#include "nl_functions/asl_functions.h"
+#include "nl/asl_functions.h"
 
 #include <fenv.h>
 #include <unistd.h>

@@ -1,4 +1,4 @@
-#include "nl_functions/expression_file.h"
+#include "nl/expression_file.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,8 +8,8 @@
 #include <optional>
 #include <utility>
 
+#include "file_limits.h"
 #include "nl/nl_segments.h"
-#include "parts/file_limits.h"
 
 namespace marble::formats {
 namespace {

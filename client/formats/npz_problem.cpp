@@ -1,4 +1,4 @@
-#include "npz/npz_problem.h"
+#include "npz_problem.h"
 
 #include <zip.h>
 
@@ -6,10 +6,10 @@
 #include <deque>
 #include <memory>
 
-#include "npz/npy.h"
-#include "parts/file_bytes.h"
-#include "parts/file_limits.h"
-#include "parts/tables.h"
+#include "file_bytes.h"
+#include "file_limits.h"
+#include "npy.h"
+#include "tables.h"
 
 namespace marble::formats {
 namespace {

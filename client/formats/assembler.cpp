@@ -1,4 +1,4 @@
-#include "parts/assembler.h"
+#include "assembler.h"
 
 #include <cmath>
 

@@ -1,11 +1,11 @@
-#include "nl_functions/nl_nonlinear.h"
+#include "nl/nl_nonlinear.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "nl_functions/asl_functions.h"
-#include "nl_functions/expression_file.h"
+#include "nl/asl_functions.h"
+#include "nl/expression_file.h"
 
 namespace marble::formats {
 namespace {

@@ -1,4 +1,4 @@
-#include "npz/npy.h"
+#include "npy.h"
 
 #include <cstdint>
 #include <cstring>

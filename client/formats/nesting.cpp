@@ -1,4 +1,4 @@
-#include "parts/nesting.h"
+#include "nesting.h"
 
 #include <pthread.h>
 

@@ -10,7 +10,7 @@
 #include <string_view>
 
 #include "marble/problem_file.h"
-#include "npz/npy.h"
+#include "npy.h"
 
 namespace marble::formats {
 

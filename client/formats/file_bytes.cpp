@@ -1,4 +1,4 @@
-#include "parts/file_bytes.h"
+#include "file_bytes.h"
 
 #include <fstream>
 #include <sstream>
