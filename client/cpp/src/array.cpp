@@ -11,9 +11,9 @@
 #include "message/request.h"
 #include "message/request_id.h"
 #include "message/status.h"
+#include "message_text.h"
 #include "remote/has_server.h"
 #include "remote/queue_wait.h"
-#include "text/message_text.h"
 
 namespace marble {
 namespace {

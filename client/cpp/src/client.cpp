@@ -4,9 +4,9 @@
 #include <memory>
 
 #include "connection/connection.h"
-#include "handle/transport.h"
 #include "marble/contract.h"
 #include "mutex.h"
+#include "transport.h"
 
 namespace marble {
 Expected<Client> Client::connect(const std::string& address, const ConnectOptions& options) {

@@ -6,11 +6,11 @@
 #include <vector>
 
 #include "connection/connection.h"
-#include "handle/transport.h"
 #include "in_process/in_process.h"
 #include "marble/client.h"
 #include "marble/composite/lifted_block.h"
 #include "marble/composite/waiting_threads.h"
+#include "transport.h"
 
 namespace marble {
 namespace client {

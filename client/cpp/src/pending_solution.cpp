@@ -2,8 +2,8 @@
 
 #include <new>
 
-#include "handle/pending_solve.h"
 #include "message/status.h"
+#include "pending_solve.h"
 
 namespace marble {
 

@@ -1,6 +1,6 @@
 #include "marble/session.h"
 
-#include "handle/session_state.h"
+#include "session_state.h"
 
 namespace marble {
 

@@ -7,7 +7,7 @@
 #include "connection/patience.h"
 #include "connection/traceparent.h"
 #include "marble/contract.h"
-#include "text/printable.h"
+#include "printable.h"
 
 namespace marble::client {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "marble/error.h"
-#include "text/printable.h"
+#include "printable.h"
 
 namespace marble::client {
 

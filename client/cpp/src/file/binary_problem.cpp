@@ -3,7 +3,7 @@
 #include <limits>
 
 #include "marble/convert.h"
-#include "text/message_text.h"
+#include "message_text.h"
 
 namespace marble::client {
 namespace {

@@ -1,5 +1,5 @@
-#include "handle/transport.h"
 #include "in_process/in_process.h"
+#include "transport.h"
 
 namespace marble::client {
 namespace {

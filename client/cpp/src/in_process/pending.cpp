@@ -5,10 +5,10 @@
 #include <stop_token>
 #include <thread>
 
-#include "handle/pending_solve.h"
 #include "in_process/in_process.h"
 #include "marble/convert.h"
 #include "message/status.h"
+#include "pending_solve.h"
 
 namespace marble::client {
 namespace {

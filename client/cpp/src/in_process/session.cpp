@@ -1,9 +1,9 @@
 // Provides a session without a server: the same warm solver, in the caller's thread.
 #include <deque>
 
-#include "handle/session_state.h"
 #include "in_process/in_process.h"
 #include "marble/warm_solver.h"
+#include "session_state.h"
 
 namespace marble::client {
 namespace {

@@ -1,6 +1,6 @@
 #include "marble/call_controls.h"
 
-#include "text/names.h"
+#include "names.h"
 
 namespace marble {
 

@@ -3,7 +3,7 @@
 #include "marble/convert.h"
 #include "marble/convert_scenarios.h"
 #include "message/status.h"
-#include "text/names.h"
+#include "names.h"
 
 namespace marble {
 

@@ -3,8 +3,8 @@
 #include <limits>
 
 #include "marble/convert.h"
-#include "text/message_text.h"
-#include "text/printable.h"
+#include "message_text.h"
+#include "printable.h"
 
 namespace marble::client {
 

@@ -4,7 +4,7 @@
 
 #include "marble/convert.h"
 #include "message/request.h"
-#include "text/message_text.h"
+#include "message_text.h"
 
 namespace marble::client {
 namespace {

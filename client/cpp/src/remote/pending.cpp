@@ -5,11 +5,11 @@
 #include <stop_token>
 
 #include "connection/traceparent.h"
-#include "handle/pending_solve.h"
 #include "message/answer.h"
 #include "message/request.h"
 #include "message/solve_events.h"
 #include "message/status.h"
+#include "pending_solve.h"
 
 namespace marble::client {
 namespace {

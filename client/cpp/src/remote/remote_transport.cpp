@@ -1,6 +1,6 @@
-#include "handle/transport.h"
 #include "message/status.h"
 #include "remote/calls.h"
+#include "transport.h"
 
 namespace marble::client {
 namespace {

@@ -8,13 +8,13 @@
 
 #include "connection/connection.h"
 #include "connection/traceparent.h"
-#include "handle/session_state.h"
 #include "marble/warm_solver.h"
 #include "message/answer.h"
 #include "message/session_memory.h"
 #include "message/session_request.h"
 #include "message/status.h"
 #include "mutex.h"
+#include "session_state.h"
 
 namespace marble::client {
 namespace {

@@ -7,12 +7,12 @@
 #include <string>
 
 #include "connection/connection.h"
-#include "handle/pending_solve.h"
-#include "handle/session_state.h"
 #include "marble/batch.h"
 #include "marble/coupled.h"
 #include "marble/remote_scenarios.h"
 #include "marble/server_info.h"
+#include "pending_solve.h"
+#include "session_state.h"
 
 namespace marble::client {
 

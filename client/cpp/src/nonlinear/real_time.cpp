@@ -9,11 +9,11 @@
 #include <utility>
 
 #include "nonlinear/curvature.h"
+#include "nonlinear/embedding.h"
 #include "nonlinear/functions.h"
 #include "nonlinear/merit.h"
 #include "nonlinear/subproblem.h"
 #include "nonlinear/tuning.h"
-#include "real_time/embedding.h"
 
 namespace marble::nonlinear {
 namespace {

@@ -14,7 +14,7 @@
 #include "nonlinear/curvature.h"
 #include "nonlinear/functions.h"
 #include "nonlinear/merit.h"
-#include "nonlinear/methods/outer_products.h"
+#include "nonlinear/outer_products.h"
 
 namespace marble::nonlinear {
 

@@ -1,4 +1,4 @@
-#include "real_time/embedding.h"
+#include "nonlinear/embedding.h"
 
 #include <algorithm>
 #include <limits>

@@ -1,4 +1,4 @@
-#include "text/message_text.h"
+#include "message_text.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "nonlinear/methods/outer_products.h"
+#include "nonlinear/outer_products.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "nonlinear/methods/auxiliary.h"
+#include "nonlinear/auxiliary.h"
 
 #include <algorithm>
 #include <cmath>

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "nonlinear/algebra.h"
-#include "nonlinear/methods/auxiliary.h"
+#include "nonlinear/auxiliary.h"
 #include "nonlinear/sqpcc.h"
 #include "nonlinear/tuning.h"
 
