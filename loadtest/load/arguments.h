@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "marble/connect_options.h"
-#include "plan/plan.h"
-#include "run/ramp.h"
+#include "plan.h"
+#include "ramp.h"
 
 namespace marble::load {
 

@@ -7,10 +7,10 @@
 
 #include "arguments.h"
 #include "base/interrupt.h"
+#include "overload.h"
 #include "plain_text.h"
-#include "report/report.h"
-#include "run/overload.h"
-#include "run/run.h"
+#include "report.h"
+#include "run.h"
 
 namespace marble::load {
 namespace {

@@ -5,9 +5,9 @@
 #include <utility>
 #include <vector>
 
-#include "base/echo_server.h"
-#include "base/finding.h"
-#include "parts/parts.h"
+#include "echo_server.h"
+#include "finding.h"
+#include "parts.h"
 
 namespace {
 

@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "marble/examples.h"
-#include "problems/noise.h"
+#include "noise.h"
 #include "support/independent_check.h"
 #include "support/shared_problems.h"
 

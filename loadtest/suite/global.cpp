@@ -13,7 +13,7 @@
 #include "families.h"
 #include "marble/examples.h"
 #include "marble/solver.h"
-#include "peers/peers.h"
+#include "peers.h"
 #include "support/box_qp.h"
 #include "support/shared_problems.h"
 

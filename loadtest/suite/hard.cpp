@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "families.h"
-#include "problems/hard_families.h"
+#include "hard_families.h"
 
 namespace marble::suite {
 namespace {

@@ -31,7 +31,7 @@ proofs conflicts qp coupled scenarios; all of them by default.
   --option NAME=VALUE  of macmpec and robotics, a solver option; may be repeated
   --benchmarks FOLDER  problems with references
   --peers COMMAND      measure qp or global in turns with other solvers: COMMAND runs qp_peers.py or global_peers.py of
-                       loadtest/suite/peers
+                       loadtest/suite/*_peers.py
 tune, in a build of the preset tune: what numbers of core/src/model/tuning.def do on generated families, one by one, or
 what these values do together. On odd seeds, --seeds N (default 10) of each family; with --judge on even ones, the half
 that nothing is chosen on. --save keeps the results of a table, --against compares with those of another one.

@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "peers/peers.h"
-#include "problems/quadratic_families.h"
+#include "peers.h"
+#include "quadratic_families.h"
 #include "record.h"
 #include "support/small_problems.h"
 

@@ -15,9 +15,9 @@
 #include <type_traits>
 
 #include "model/tuning.h"
-#include "problems/tuning_families.h"
 #include "record.h"
 #include "research/tuning.h"
+#include "tuning_families.h"
 
 namespace marble::suite {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "families.h"
-#include "problems/noise.h"
+#include "noise.h"
 #include "support/independent_check.h"
 #include "support/other_units.h"
 #include "support/shared_problems.h"

@@ -1,4 +1,4 @@
-#include "measure/answer_check.h"
+#include "answer_check.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "plan/arrivals.h"
+#include "arrivals.h"
 
 #include <gtest/gtest.h>
 

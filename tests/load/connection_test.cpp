@@ -4,7 +4,7 @@
 #include <set>
 
 #include "marble/client.h"
-#include "plan/scenario.h"
+#include "scenario.h"
 #include "support/server_process.h"
 
 namespace marble::testing {

@@ -1,4 +1,4 @@
-#include "measure/histogram.h"
+#include "histogram.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "plan/arrivals.h"
+#include "arrivals.h"
 
 namespace marble::load {
 namespace {

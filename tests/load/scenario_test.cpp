@@ -1,8 +1,8 @@
-#include "plan/scenario.h"
+#include "scenario.h"
 
 #include <gtest/gtest.h>
 
-#include "plan/objective.h"
+#include "objective.h"
 
 namespace marble::load {
 namespace {
