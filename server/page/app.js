@@ -1,18 +1,18 @@
 // Wiring: the stream fills store and history, the views show them once a frame, the address selects the view.
 
-import { Api } from "./data/api.js";
-import { Comparison } from "./jobs/comparison.js";
+import { Api } from "./api.js";
+import { Comparison } from "./comparison.js";
 import { askForToken } from "./dialogs.js";
-import { byId, make, onceAFrame } from "./base/dom.js";
-import { ClientTable } from "./jobs/client_table.js";
-import { Feed } from "./data/feed.js";
+import { byId, make, onceAFrame } from "./dom.js";
+import { ClientTable } from "./client_table.js";
+import { Feed } from "./feed.js";
 import { Header } from "./header.js";
-import { History, toCounters } from "./data/history.js";
-import { JobTable } from "./jobs/job_table.js";
-import { JobView } from "./jobs/job_view.js";
+import { History, toCounters } from "./history.js";
+import { JobTable } from "./job_table.js";
+import { JobView } from "./job_view.js";
 import { Overview } from "./overview.js";
 import { Servers } from "./servers.js";
-import { MAX_JOBS, Store } from "./data/store.js";
+import { MAX_JOBS, Store } from "./store.js";
 
 const PAGE_OF_JOBS = 1000;
 const SILENCE_S = 6; // the server sends events twice a second

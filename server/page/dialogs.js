@@ -1,6 +1,6 @@
 // The dialogs of the page.
 
-import { byId, fill } from "./base/dom.js";
+import { byId, fill } from "./dom.js";
 
 function ask(dialog) {
   return new Promise((resolve) => {

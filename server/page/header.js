@@ -1,7 +1,7 @@
 // The bar at the top: server, its state, age of the data, and the caller.
 
-import { byId, fill, make } from "./base/dom.js";
-import { duration } from "./base/format.js";
+import { byId, fill, make } from "./dom.js";
+import { duration } from "./format.js";
 
 const WORDS = { connecting: "connecting", serving: "serving", draining: "draining", retrying: "disconnected", paused: "paused while hidden", stopped: "stopped" };
 

@@ -1,8 +1,8 @@
 // The cards with the current state of the server.
 
-import { byId, fill, make } from "./base/dom.js";
-import { bytes, duration, percent, rate, whole } from "./base/format.js";
-import { TimePlot } from "./plots/time_plot.js";
+import { byId, fill, make } from "./dom.js";
+import { bytes, duration, percent, rate, whole } from "./format.js";
+import { TimePlot } from "./time_plot.js";
 
 const MAX_CELLS = 64;
 const PRIORITIES = ["realtime", "interactive", "batch"];

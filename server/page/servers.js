@@ -1,7 +1,7 @@
 // The servers that share a store: sums over all of them, and a table with a row for each.
 
-import { byId, fill, make } from "./base/dom.js";
-import { age, clock, duration, percent, rate, whole } from "./base/format.js";
+import { byId, fill, make } from "./dom.js";
+import { age, clock, duration, percent, rate, whole } from "./format.js";
 
 const HEAD = [
   ["Server", "Name of the server; a click opens its own page"],

@@ -349,7 +349,7 @@ class Page(unittest.TestCase):
         self.open(self.start())
         conflict = {"inequalities": list(range(99)), "right_sides": [7], "minimal": False, "detail": "time_limit_s came first"}
         rows, notes = self.browser.run("""
-          return Promise.all([import("/assets/jobs/findings.js"), import("/assets/jobs/job_tables.js")]).then(([findings, tables]) => {
+          return Promise.all([import("/assets/findings.js"), import("/assets/job_tables.js")]).then(([findings, tables]) => {
             const place = document.createElement("div");
             tables.showConflict(place, findings.conflictingParts(arguments[0]));
             return ["tbody tr", ".note"].map((kind) => [...place.querySelectorAll(kind)].map((line) => line.textContent));
@@ -388,7 +388,7 @@ class Page(unittest.TestCase):
         self.open(self.start())
         table = json.loads((pathlib.Path(__file__).resolve().parent.parent / "answers/budgets.json").read_text(encoding="utf-8"))
         content = self.browser.run("""
-          return import("/assets/jobs/findings.js").then(({ explain }) => arguments[0].map(({ options, ...case_ }) => {
+          return import("/assets/findings.js").then(({ explain }) => arguments[0].map(({ options, ...case_ }) => {
             const job = { state: "finished", status: "solved", proved: false, nodes: 0, pairs: 2, objective: 1, gap: Infinity,
               scenario_levels: [], times: {}, iterations: 1, updates: 0, equality: 0, inequality: 0, complementarity: 0, ...case_ };
             return explain(job, options, [], { second_order: "SECOND_ORDER_NECESSARY" }).lines.join(" ");

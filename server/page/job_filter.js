@@ -1,8 +1,8 @@
 // Filtering and sorting of jobs, as pure functions.
 
-import { statuses } from "../shared/tables.js";
-import { outcome } from "../base/words.js";
-import { seconds, violation } from "../data/store.js";
+import { statuses } from "./shared/tables.js";
+import { outcome } from "./words.js";
+import { seconds, violation } from "./store.js";
 
 const RANKS = { running: 0, queued: 1, idle: 2, finished: 3 };
 const PRIORITY_RANKS = { realtime: 0, interactive: 1, batch: 2 };

@@ -1,7 +1,7 @@
 // Plots the complementarity pairs, s against t. They approach the axes as κ falls.
 
-import { fill, make, onceAFrame, styleValue } from "../base/dom.js";
-import { real, residual, whole } from "../base/format.js";
+import { fill, make, onceAFrame, styleValue } from "./dom.js";
+import { real, residual, whole } from "./format.js";
 
 const LEAST = 1e-12; // the smallest value on the log axes
 

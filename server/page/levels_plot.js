@@ -1,7 +1,7 @@
 // Levels of a problem with scenarios: the cost of the plan in its sample, and the interval of its out-of-sample cost.
 
-import { make } from "../base/dom.js";
-import { duration, real, whole } from "../base/format.js";
+import { make } from "./dom.js";
+import { duration, real, whole } from "./format.js";
 
 /** The position of each finite value in per cent, with room at the ends. */
 export function scaleOf(levels) {

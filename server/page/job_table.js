@@ -1,7 +1,7 @@
 // The table of all jobs. Only the visible rows are in the document.
 
-import { fill, make, onceAFrame } from "../base/dom.js";
-import { jobs, whole } from "../base/format.js";
+import { fill, make, onceAFrame } from "./dom.js";
+import { jobs, whole } from "./format.js";
 import { CHIPS, select } from "./job_filter.js";
 import { COLUMNS, JobRow } from "./job_row.js";
 

@@ -1,6 +1,6 @@
 // The elements of a job's view.
 
-import { make } from "../base/dom.js";
+import { make } from "./dom.js";
 
 const panel = (title, name, ...children) =>
   make("section", { class: `card ${name}`, "aria-labelledby": `${name}-title` }, make("h3", { id: `${name}-title` }, title), ...children);

@@ -1,11 +1,11 @@
 // Compares two jobs: results and times, different options, and convergence.
 
-import { loadCharts } from "../plots/convergence.js";
-import { make, styleValue } from "../base/dom.js";
-import { duration, real, residual, whole } from "../base/format.js";
-import { toJob, violation } from "../data/store.js";
-import { Trace } from "../data/trace.js";
-import { outcome } from "../base/words.js";
+import { loadCharts } from "./convergence.js";
+import { make, styleValue } from "./dom.js";
+import { duration, real, residual, whole } from "./format.js";
+import { toJob, violation } from "./store.js";
+import { Trace } from "./trace.js";
+import { outcome } from "./words.js";
 
 const LOWEST = 1e-12;
 const LOOKS = [{ colour: "--blue", dash: [] }, { colour: "--orange", dash: [6, 3] }];

@@ -1,19 +1,19 @@
 // The view of one job: result, convergence, pairs, options and times.
 
-import { Convergence, loadCharts } from "../plots/convergence.js";
-import { confirm } from "../dialogs.js";
-import { fill, make, onceAFrame } from "../base/dom.js";
+import { Convergence, loadCharts } from "./convergence.js";
+import { confirm } from "./dialogs.js";
+import { fill, make, onceAFrame } from "./dom.js";
 import { conflictingParts, conflictingRows, explain, timeLimit } from "./findings.js";
-import { duration, residual } from "../base/format.js";
-import { Feed } from "../data/feed.js";
+import { duration, residual } from "./format.js";
+import { Feed } from "./feed.js";
 import { showCertificate, showConflict, showFacts, showOptions, showRows, showViolations } from "./job_tables.js";
 import { buildJobPage } from "./job_page.js";
-import { showLevels } from "../plots/levels_plot.js";
-import { PairsPlot } from "../plots/pairs_plot.js";
-import { seconds, toJob } from "../data/store.js";
-import { showTimings } from "../plots/timings.js";
-import { Trace } from "../data/trace.js";
-import { outcome } from "../base/words.js";
+import { showLevels } from "./levels_plot.js";
+import { PairsPlot } from "./pairs_plot.js";
+import { seconds, toJob } from "./store.js";
+import { showTimings } from "./timings.js";
+import { Trace } from "./trace.js";
+import { outcome } from "./words.js";
 
 const TABLES_EVERY_MS = 500;
 const TICK_MS = 1000; // times advance without new rows

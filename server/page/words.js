@@ -1,6 +1,6 @@
 // How the page shows states and errors.
 
-import { errorNames, errors, statuses } from "../shared/tables.js";
+import { errorNames, errors, statuses } from "./shared/tables.js";
 
 /** "STATUS_TIME_LIMIT" and "STATUS_" → "time_limit"; "" for the unspecified one. */
 export function short(name, prefix) {

@@ -1,9 +1,9 @@
 // The convergence of a solve: residuals on a log scale, and objective and penalty below, by iteration or time. With a
 // tree (option global_search), incumbent and bound over time.
 
-import { make, onceAFrame, styleValue } from "../base/dom.js";
-import { duration, rate, real, residual, whole } from "../base/format.js";
-import { nodeRates, repeated } from "../data/trace.js";
+import { make, onceAFrame, styleValue } from "./dom.js";
+import { duration, rate, real, residual, whole } from "./format.js";
+import { nodeRates, repeated } from "./trace.js";
 
 const LOWEST = 1e-12; // log scales have no 0: smaller values are drawn here, the table has the numbers
 

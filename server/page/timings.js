@@ -1,7 +1,7 @@
 // The times of a job's parts, which add up to its total time.
 
-import { make } from "../base/dom.js";
-import { duration, percent } from "../base/format.js";
+import { make } from "./dom.js";
+import { duration, percent } from "./format.js";
 
 /** [name, seconds, colour] in the order of time; the rests belong to no other part. */
 export function partsOf(times) {

@@ -1,11 +1,11 @@
 // The tables of a job's view.
 
-import { make } from "../base/dom.js";
+import { make } from "./dom.js";
 import { judge } from "./findings.js";
-import { bytes, clock, duration, rate, real, residual, whole } from "../base/format.js";
-import { seconds } from "../data/store.js";
-import { nodeRates, repeated } from "../data/trace.js";
-import { short } from "../base/words.js";
+import { bytes, clock, duration, rate, real, residual, whole } from "./format.js";
+import { seconds } from "./store.js";
+import { nodeRates, repeated } from "./trace.js";
+import { short } from "./words.js";
 
 const table = (caption, head, rows) =>
   make(

@@ -1,6 +1,6 @@
 // The jobs of the server: as many as it keeps, at most MAX_JOBS.
 
-import { short } from "../base/words.js";
+import { short } from "./words.js";
 
 export const MAX_JOBS = 20000;
 const SPARK_POINTS = 40;

@@ -1,9 +1,9 @@
 // One row of the table of jobs. Rows are reused for other jobs as the table scrolls.
 
-import { fill, make, plain } from "../base/dom.js";
-import { age, brief, duration, gapText, jobs, ordinal, real, residual, whole } from "../base/format.js";
-import { seconds, violation } from "../data/store.js";
-import { outcome } from "../base/words.js";
+import { fill, make, plain } from "./dom.js";
+import { age, brief, duration, gapText, jobs, ordinal, real, residual, whole } from "./format.js";
+import { seconds, violation } from "./store.js";
+import { outcome } from "./words.js";
 
 // The range of the violation curves, in powers of ten; the same in all rows.
 const SPARK_LOW = -12;

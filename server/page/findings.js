@@ -1,12 +1,12 @@
 // Explains in sentences why a job failed or was slow.
 
-import { duration, percent, real, residual, whole } from "../base/format.js";
-import { seconds } from "../data/store.js";
-import { partsOf } from "../plots/timings.js";
-import { repeated } from "../data/trace.js";
-import { statuses } from "../shared/tables.js";
-import { STATES, errorWords, short } from "../base/words.js";
-import { isBudgetSpent, kindText, whatToTry } from "../shared/solution-kind.js";
+import { duration, percent, real, residual, whole } from "./format.js";
+import { seconds } from "./store.js";
+import { partsOf } from "./timings.js";
+import { repeated } from "./trace.js";
+import { statuses } from "./shared/tables.js";
+import { STATES, errorWords, short } from "./words.js";
+import { isBudgetSpent, kindText, whatToTry } from "./shared/solution-kind.js";
 
 const VIOLATIONS = [
   ["equality", "equality_tolerance", "|A z + b|"],

@@ -1,8 +1,8 @@
 // A small plot of one or a few quantities over the last minutes, on a canvas. A single one is an area.
 
-import { make, fill, styleValue } from "../base/dom.js";
-import { whole } from "../base/format.js";
-import { SPAN_S } from "../data/history.js";
+import { make, fill, styleValue } from "./dom.js";
+import { whole } from "./format.js";
+import { SPAN_S } from "./history.js";
 
 const MINUTES = SPAN_S / 60;
 const NARROW = 190; // pixels: below it only the ends of the axis are labelled

@@ -1,7 +1,7 @@
 // The use of the workers by client, largest first.
 
-import { make } from "../base/dom.js";
-import { duration, percent, whole } from "../base/format.js";
+import { make } from "./dom.js";
+import { duration, percent, whole } from "./format.js";
 
 const HEAD = [
   ["Client", "Name of the client; a click shows its jobs"],
