@@ -130,9 +130,9 @@ def test_prometheus_and_grafana_find_the_server_and_our_dashboard(tmp_path):
     targets = load(DOCKER / "prometheus.yml")["scrape_configs"][0]["dns_sd_configs"][0]
     compose = load(DOCKER / "compose.yaml")["services"]
     assert targets["names"] == ["marble"] and "marble" in compose and targets["port"] == 50080
-    source = load(DOCKER / "grafana/datasources.yml")["datasources"][0]
+    source = load(DOCKER / "grafana-datasources.yml")["datasources"][0]
     assert source["url"] == "http://prometheus:9090" and "prometheus" in compose
-    folder = load(DOCKER / "grafana/dashboards.yml")["providers"][0]["options"]["path"]
+    folder = load(DOCKER / "grafana-dashboards.yml")["providers"][0]["options"]["path"]
     mounts = [volume.split(":") for volume in compose["grafana"]["volumes"]]
     shown = [source for source, target, _ in mounts if target.startswith(folder + "/")]
     assert [json.loads((DOCKER / file).read_text())["title"] for file in shown] == ["Marble"]

@@ -1,5 +1,5 @@
 """Programs and libraries of the build tree and of an installation: they search no relative folder for libraries, and are
-hardened as deploy/cmake/hardening.cmake says. (Those of packages and wheels are checked where they are made.)
+hardened as deploy/hardening.cmake says. (Those of packages and wheels are checked where they are made.)
 
 Usage: elf_test.py BUILD_DIR
 """
