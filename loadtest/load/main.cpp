@@ -7,8 +7,8 @@
 
 #include "arguments.h"
 #include "base/interrupt.h"
-#include "overload.h"
 #include "plain_text.h"
+#include "ramp.h"
 #include "report.h"
 #include "run.h"
 

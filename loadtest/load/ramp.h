@@ -1,7 +1,9 @@
-// Finds the highest rate at which the server meets an objective.
+// Finds the highest rate at which the server meets an objective, and measures it at rates beyond its
+// capacity: how much of its work is still in time.
 #pragma once
 
 #include <functional>
+#include <vector>
 
 #include "objective.h"
 #include "run.h"
@@ -23,5 +25,12 @@ struct RampPlan {
 [[nodiscard]] Expected<RampResult> ramp(const RunParts& parts, const Plan& plan, const RampPlan& ramp,
                                         const std::stop_token& stop,
                                         const std::function<void(const RampStep&)>& reported);
+
+/// Measures the capacity, as the rate of a closed loop of two clients per worker, then a run at each level.
+/// Requests should have deadlines: then every result that arrives is in time. A stop ends it early.
+[[nodiscard]] Expected<OverloadResult> overload(const RunParts& parts, const Plan& plan,
+                                                const std::vector<double>& levels, int workers,
+                                                const std::stop_token& stop,
+                                                const std::function<void(const OverloadStep&)>& reported);
 
 }  // namespace marble::load

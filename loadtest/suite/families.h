@@ -65,6 +65,9 @@ void starts(const Settings& settings);
 void proofs(const Settings& settings);
 /// Planted conflicts, explained, and checked by enumeration.
 void conflicts(const Settings& settings);
+/// Compares the solver with QP solvers on convex QPs without pairs: random sparse QPs, linear MPC and
+/// obstacle problems.
+void qp(const Settings& settings);
 /// Problems coupled by rows, and hoppers divided into pieces: block by block, and whole.
 void coupled(const Settings& settings);
 /// One plan for sampled scenarios, in growing sample-average stages against all at once: the rocket by its

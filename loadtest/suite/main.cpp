@@ -8,7 +8,6 @@
 #include <string>
 
 #include "families.h"
-#include "qp.h"
 #include "support/shared_problems.h"
 #include "tune.h"
 

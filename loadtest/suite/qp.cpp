@@ -1,5 +1,3 @@
-#include "qp.h"
-
 #include <unistd.h>
 
 #include <algorithm>
@@ -11,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "families.h"
 #include "peers.h"
 #include "quadratic_families.h"
 #include "record.h"

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cstdlib>
 #include <iterator>
+#include <memory>
 #include <sstream>
+#include <string_view>
 
-#include "base/state_uri.h"
+#include "base/libpq.h"
 #include "base/text_file.h"
 #include "config/certificates.h"
 #include "config/config_file.h"
@@ -116,6 +118,32 @@ void check_certificates(const Config& config, Faults& faults) {
 void check_log_levels(const Config& config, Faults& faults) {
   if (const auto levels = log_levels_of(config.log_level, config.log_levels); !levels)
     faults.push_back({source_of(config, "log_levels"), levels.error()});
+}
+
+// Of libpq.
+struct FreeOptions {
+  void operator()(PQconninfoOption* options) const { libpq().PQconninfoFree(options); }
+};
+
+// Refuses what is not a URI of PostgreSQL, and one that contains a password, which others could see. No error
+// contains the value, for the same reason.
+Expected<void> check_state_uri(const std::string& uri) {
+  if (!uri.starts_with("postgresql://")) return unexpected(invalid("state", "must begin with postgresql://"));
+  if (!libpq().loaded) return libpq().loaded;
+  char* why = nullptr;
+  const std::unique_ptr<PQconninfoOption, FreeOptions> options(libpq().PQconninfoParse(uri.c_str(), &why));
+  libpq().PQfreemem(why);
+  if (options == nullptr) return unexpected(invalid("state", "is no address of PostgreSQL"));
+  for (const PQconninfoOption* option = options.get(); option->keyword != nullptr; ++option) {
+    if (option->val == nullptr || std::string_view(option->dispchar) != "*")
+      continue;  // libpq's mark of a secret
+    const std::string name = option->keyword;
+    return unexpected(invalid(
+        "state", "must hold no " + name +
+                     (name == "password" ? ": give it by PGPASSWORD, or in the file of passfile="
+                                         : ": nobody but the server may read the file, without one")));
+  }
+  return {};
 }
 
 void check_state(const Config& config, Faults& faults) {

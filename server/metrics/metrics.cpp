@@ -1,10 +1,14 @@
 #include "metrics/metrics.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <string>
+#include <unordered_map>
 
 #include "base/refusal.h"
-#include "metrics/client_metrics.h"
+#include "metrics/metric_registry.h"
+#include "mutex.h"
 
 namespace marble::server {
 namespace {
@@ -14,7 +18,58 @@ constexpr std::size_t kStatuses = static_cast<std::size_t>(Status::numerical_fai
 std::size_t index_of(Priority priority) { return static_cast<std::size_t>(priority); }
 std::size_t index_of(Status status) { return static_cast<std::size_t>(status); }
 
+// A name in a certificate may contain any bytes; the text format requires UTF-8.
+std::string printable(std::string name) {
+  std::replace_if(
+      name.begin(), name.end(), [](unsigned char c) { return c < 0x20 || c >= 0x7f; }, '?');
+  return name;
+}
+
 }  // namespace
+
+// Counts what each client has solved, for a bounded number of clients. Thread-safe.
+class ClientMetrics {
+ public:
+  /// The first `most` clients have series of their own, later ones share "other"; with 0, all clients do.
+  ClientMetrics(MetricRegistry& registry, int most) : registry_(registry), most_(most) {}
+
+  void solved(const std::string& client, double solve_s) ABSL_LOCKS_EXCLUDED(mutex_);
+
+ private:
+  struct Series {
+    prometheus::Counter* solves = nullptr;
+    prometheus::Counter* solve_s = nullptr;
+  };
+  [[nodiscard]] Series series_of(const std::string& client) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Series make(const std::string& label);
+
+  MetricRegistry& registry_;
+  const int most_;
+  Mutex mutex_;
+  std::unordered_map<std::string, Series> known_ ABSL_GUARDED_BY(mutex_);
+  Series other_ ABSL_GUARDED_BY(mutex_);
+};
+
+void ClientMetrics::solved(const std::string& client, double solve_s) {
+  if (most_ == 0) return;
+  const Series series = series_of(client);
+  series.solves->Increment();
+  series.solve_s->Increment(solve_s);
+}
+
+ClientMetrics::Series ClientMetrics::series_of(const std::string& client) {
+  const MutexLock lock(mutex_);
+  if (const auto known = known_.find(client); known != known_.end()) return known->second;
+  if (known_.size() < static_cast<std::size_t>(most_))
+    return known_.emplace(client, make(printable(client))).first->second;
+  if (other_.solves == nullptr) other_ = make("other");
+  return other_;
+}
+
+ClientMetrics::Series ClientMetrics::make(const std::string& label) {
+  return {&registry_.counter(Metric::client_solves, {label}),
+          &registry_.counter(Metric::client_solve_seconds, {label})};
+}
 
 struct Metrics::Counted {
   using Counter = prometheus::Counter;

@@ -24,7 +24,7 @@ struct EndedJob {
 /// Thread-safe, and cheap: a few atomic additions per job, none per iteration.
 class Metrics {
  public:
-  /// If off, it counts nothing. `clients` have series of their own (client_metrics.h).
+  /// If off, it counts nothing. `clients` have series of their own.
   Metrics(bool on, int clients);
   ~Metrics();
   Metrics(const Metrics&) = delete;

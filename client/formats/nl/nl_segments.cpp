@@ -1,11 +1,39 @@
 #include "nl/nl_segments.h"
 
+#include <pthread.h>
+
 #include <algorithm>
+#include <cstddef>
+#include <cstdint>
 
 namespace marble::formats {
 namespace {
 
 constexpr int kMany = 0x7fffffff;
+constexpr std::size_t kDeepest = 10'000;
+constexpr std::size_t kBytesOfLevel = 1024;        // measured: 960 at most, in readers and library
+constexpr std::size_t kBytesOfOthers = 96 * 1024;  // for callers and callees of these functions
+
+// Returns the bytes of this thread's stack that are free below this function.
+std::size_t free_stack() {
+  pthread_attr_t attributes;
+  if (pthread_getattr_np(pthread_self(), &attributes) != 0) return 0;
+  void* lowest = nullptr;
+  std::size_t size = 0;
+  pthread_attr_getstack(&attributes, &lowest, &size);
+  pthread_attr_destroy(&attributes);
+  const auto here = reinterpret_cast<std::uintptr_t>(&attributes),
+             end = reinterpret_cast<std::uintptr_t>(lowest);
+  return here > end ? here - end : 0;
+}
+
+// Returns the most nested nodes: 10,000, or what fits the rest of this thread's stack, if that is less. The
+// readers, and AMPL's library when it evaluates, recurse on the stack.
+std::size_t deepest_nesting() {
+  const std::size_t free = free_stack();
+  const std::size_t fitting = free > kBytesOfOthers ? (free - kBytesOfOthers) / kBytesOfLevel : 0;
+  return std::min(fitting, kDeepest);
+}
 
 // Names of operators that no LCQP has (Gay, table 5).
 struct NamedOperator {
@@ -45,6 +73,9 @@ constexpr NamedOperator kOthers[] = {{4, "rem"},
                                      {78, "a constant to a power"}};
 
 }  // namespace
+
+NlSegments::NlSegments(std::string_view content, const NlNames& names, const char* whole)
+    : in_(content), names_(names), length_(content.size()), whole_(whole), deepest_(deepest_nesting()) {}
 
 std::string operator_name(int code) {
   const auto* const found = std::ranges::find(kOthers, code, &NamedOperator::code);

@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "nesting.h"
 #include "nl/nl_model.h"
 #include "nl/nl_tokens.h"
 
@@ -24,8 +23,7 @@ class NlSegments {
   using Terms = std::vector<std::pair<Index, double>>;
 
   /// `whole`: what the file must be, for errors ("an LCQP").
-  NlSegments(std::string_view content, const NlNames& names, const char* whole)
-      : in_(content), names_(names), length_(content.size()), whole_(whole) {}
+  NlSegments(std::string_view content, const NlNames& names, const char* whole);
 
   /// Reads from the header to the end; the model's sizes are set before the first hook is called. Errors name
   /// row or variable.
@@ -73,7 +71,7 @@ class NlSegments {
   void suffix();
 
   const char* whole_;
-  const std::size_t deepest_ = static_cast<std::size_t>(deepest_nesting());
+  const std::size_t deepest_;  ///< nodes of an expression, by the stack that is left
   std::size_t depth_ = 0;
   NlPlace place_;
   struct {

@@ -2,8 +2,11 @@
 
 #include <grpcpp/create_channel.h>
 
+#include <initializer_list>
+#include <nlohmann/json.hpp>
+#include <string>
+
 #include "connection/credentials.h"
-#include "connection/service_config.h"
 
 namespace marble::client {
 namespace {
@@ -16,6 +19,34 @@ constexpr int kRetryBuffer_bytes = 256 << 20;  // data that a call keeps for a r
 
 int milliseconds(std::chrono::duration<double> time) {
   return static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(time).count());
+}
+
+// Returns gRPC's service config as JSON. Calls that get UNAVAILABLE before any response are retried at most
+// three times if a repetition has the same effect: solves are pure, reads change nothing, a submission is
+// one job by its request id. Not retried: Delete, Cancel, sessions and batches, whose first message may have
+// been processed. With `several` servers, calls rotate over those that report to be healthy.
+std::string service_config(bool several) {
+  nlohmann::json names = nlohmann::json::array();
+  const auto add = [&](const char* service, std::initializer_list<const char*> methods) {
+    for (const char* method : methods)
+      names.push_back({{"service", std::string("marble.v1.") + service}, {"method", method}});
+  };
+  add("Solver", {"Solve", "SolveStream", "SolveScenarios", "SolveCoupled"});
+  add("Jobs", {"Submit", "Result", "List", "Get", "Watch", "Bundle", "SubmitArray", "ArrayResults"});
+  add("Server", {"GetInfo"});
+  nlohmann::json config = {{"methodConfig",
+                            {{{"name", names},
+                              {"retryPolicy",
+                               {{"maxAttempts", 4},
+                                {"initialBackoff", "0.1s"},
+                                {"maxBackoff", "1s"},
+                                {"backoffMultiplier", 2},
+                                {"retryableStatusCodes", {"UNAVAILABLE"}}}}}}}};
+  if (several) {
+    config["loadBalancingConfig"] = {{{"round_robin", nlohmann::json::object()}}};
+    config["healthCheckConfig"] = {{"serviceName", "marble.v1.Solver"}};
+  }
+  return config.dump();
 }
 
 }  // namespace
