@@ -1,6 +1,5 @@
 // A minute of everything at once: no crash, no leak, every accepted job ends exactly once, health is right.
 // MARBLE_CHAOS_SECONDS says how long (default 60), MARBLE_CHAOS_SEED which chaos.
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -11,6 +10,7 @@
 #include <thread>
 
 #include "clients.h"
+#include "support/loopback.h"
 #include "support/server_process.h"
 
 namespace marble::testing {
@@ -41,13 +41,10 @@ std::int64_t number_from(const char* name, std::int64_t otherwise) {
 
 // A port for both servers, below those that the system gives to connections: while no server listens, no
 // client that tries to connect can be given the very port it tries, and connect to itself.
-int free_port() {
+int port_for_both() {
   for (int port = 20'000 + static_cast<int>(getpid()) % 10'000; port < 32'000; ++port) {
     const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
-    sockaddr_in address = {};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<std::uint16_t>(port));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    const sockaddr_in address = loopback(port);
     const bool free = bind(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
     close(socket);
     if (free) return port;
@@ -172,7 +169,7 @@ class Chaos : public ::testing::Test {
     return size;
   }
 
-  const std::string address_ = "127.0.0.1:" + std::to_string(free_port());
+  const std::string address_ = "127.0.0.1:" + std::to_string(port_for_both());
   Environment environment_{address_, crowd()};
   std::unique_ptr<ServerProcess> server_;
   std::unique_ptr<v1::Server::Stub> info_;

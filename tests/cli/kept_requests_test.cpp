@@ -8,18 +8,6 @@ namespace {
 
 using KeptRequests = Replay;
 
-grpc::Status ask(Node& node, const std::string& id, v1::JobBundle* facts = nullptr) {
-  grpc::ClientContext context;
-  v1::JobBundleRequest request;
-  request.set_job_id(id);
-  const auto reader = node.jobs().Bundle(&context, request);
-  v1::JobBundleResponse piece;
-  while (reader->Read(&piece)) {
-    if (piece.has_bundle() && facts != nullptr) *facts = piece.bundle();
-  }
-  return reader->Finish();
-}
-
 void expect_request(const Bundle& bundle, v1::SolveRequest sent) {
   sent.clear_request_id();
   v1::SolveRequest kept;
@@ -40,7 +28,7 @@ TEST_F(KeptRequests, InMemoryWhileTheJobWaitsAndRunsAndHasItsAnswer) {
   expect_request(read(path), numbered(7));
   expect_same(path);
   EXPECT_TRUE(node.remove(waiting).ok());
-  EXPECT_EQ(ask(node, waiting).error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(node.bundle(waiting).error_code(), grpc::StatusCode::NOT_FOUND);
 }
 
 TEST_F(KeptRequests, OnDiskAfterAKill) {
@@ -74,14 +62,14 @@ TEST_F(KeptRequests, InAStoreOfSeveralServersFromAnyOfThem) {
     expect_same(path);
   }
   EXPECT_TRUE(b.remove(id).ok());
-  EXPECT_EQ(ask(a, id).error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(a.bundle(id).error_code(), grpc::StatusCode::NOT_FOUND);
   const std::string running = a.submit(long_request());
   ASSERT_TRUE(eventually([&] { return b.job(running).state() == v1::JOB_STATE_RUNNING; }));
   expect_request(read(bundle_of(b, running)), long_request());
   database.stop();
-  EXPECT_TRUE(eventually([&] { return ask(a, running).error_code() == grpc::StatusCode::UNAVAILABLE; }));
+  EXPECT_TRUE(eventually([&] { return a.bundle(running).error_code() == grpc::StatusCode::UNAVAILABLE; }));
   database.start();
-  EXPECT_TRUE(eventually([&] { return ask(a, running).ok(); }));
+  EXPECT_TRUE(eventually([&] { return a.bundle(running).ok(); }));
   EXPECT_TRUE(a.cancel(running).ok());
 }
 
@@ -94,13 +82,13 @@ TEST_F(KeptRequests, NotWhereNoneAreToBeMadeOrTheJobWasNotSubmitted) {
     Node node(flags);
     const std::string id = node.submit(numbered(1));
     finish(node, id);
-    EXPECT_NE(ask(node, id).error_code(), grpc::StatusCode::OK);
+    EXPECT_NE(node.bundle(id).error_code(), grpc::StatusCode::OK);
   }
   Node node({});
   ASSERT_TRUE(node.solves());
   const std::set<std::string> jobs = node.list();
   ASSERT_EQ(jobs.size(), 1U);
-  const grpc::Status status = ask(node, *jobs.begin());
+  const grpc::Status status = node.bundle(*jobs.begin());
   EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
   EXPECT_NE(status.error_message().find("only submitted jobs have one"), std::string::npos)
       << status.error_message();
@@ -122,11 +110,11 @@ TEST_F(KeptRequests, NotBeyondTheBytesThatAreKept) {
   const std::string id = node.submit(large);
   v1::SolveResponse response;
   (void)node.result(id, true, &response);
-  const grpc::Status status = ask(node, id);
+  const grpc::Status status = node.bundle(id);
   EXPECT_NE(status.error_code(), grpc::StatusCode::OK) << "its request alone has 32,000 bytes";
   const std::string small = node.submit(numbered(2));
   finish(node, small);
-  EXPECT_TRUE(ask(node, small).ok());
+  EXPECT_TRUE(node.bundle(small).ok());
 }
 
 TEST_F(KeptRequests, AreForTheirClientAndTheRoleAdminAndSayNothingOfThem) {

@@ -1,7 +1,6 @@
 // Who a client says it is, and what it refuses to start with.
 #include <grpcpp/server_builder.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -11,6 +10,7 @@
 #include "marble/client.h"
 #include "marble/v1/service.grpc.pb.h"
 #include "support/child_process.h"
+#include "support/loopback.h"
 
 namespace marble::testing {
 namespace {
@@ -121,17 +121,11 @@ TEST(Connect, AServerWithoutTlsIsUnavailableToAClientThatWantsIt) {
 // As a server with TLS does with a client that begins without.
 TEST(Connect, WhoIsShutOutIsAskedForTls) {
   const int listener = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  sockaddr_in address = {};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t size = sizeof address;
-  ASSERT_EQ(::bind(listener, reinterpret_cast<sockaddr*>(&address), size), 0);
-  ASSERT_EQ(::getsockname(listener, reinterpret_cast<sockaddr*>(&address), &size), 0);
-  ASSERT_EQ(::listen(listener, 16), 0);
+  const int port = listen_on(listener, loopback());
   std::thread shuts([&] {
     for (int one; (one = ::accept4(listener, nullptr, nullptr, SOCK_CLOEXEC)) >= 0;) ::close(one);
   });
-  const auto info = Client::connect("127.0.0.1:" + std::to_string(ntohs(address.sin_port)))->info();
+  const auto info = Client::connect("127.0.0.1:" + std::to_string(port))->info();
   ::shutdown(listener, SHUT_RDWR);
   shuts.join();
   ::close(listener);

@@ -2,24 +2,19 @@
 #include "net/port_probe.h"
 
 #include <gtest/gtest.h>
-#include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <thread>
+
+#include "support/loopback.h"
 
 namespace marble::server {
 namespace {
 
 class PortProbe : public ::testing::Test {
  protected:
-  PortProbe() {
-    sockaddr_in name = {};
-    name.sin_family = AF_INET;
-    name.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    EXPECT_EQ(bind(listener_, reinterpret_cast<const sockaddr*>(&name), sizeof name), 0);
-    EXPECT_EQ(listen(listener_, 8), 0);
-  }
+  PortProbe() { testing::listen_on(listener_, testing::loopback()); }
   ~PortProbe() override { close(listener_); }
 
   const int listener_ = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);

@@ -165,4 +165,24 @@ inline void expect_numbered(const std::vector<v1::ArrayResultsResponse>& answers
   EXPECT_EQ(after, count);
 }
 
+/// Of `count` elements one stopped its server twice and was set aside; all others have their results.
+inline void expect_set_aside(v1::Jobs::Stub& jobs, const std::string& id, std::int64_t element,
+                             std::int64_t count) {
+  ArrayReader reader(jobs, id);
+  std::int64_t answered = 0;
+  for (const v1::ArrayResultsResponse& answer : reader.drain()) {
+    if (answer.index() != element) {
+      ++answered;
+      EXPECT_TRUE(answer.has_result()) << answer.error().message();
+    } else {
+      EXPECT_EQ(answer.error().code(), static_cast<int>(grpc::StatusCode::INTERNAL));
+      EXPECT_NE(answer.error().message().find("the server stopped twice while it ran this job"),
+                std::string::npos)
+          << answer.error().message();
+    }
+  }
+  EXPECT_EQ(answered, count - 1);
+  EXPECT_TRUE(reader.finish().ok());
+}
+
 }  // namespace marble::testing

@@ -1,9 +1,7 @@
 // What tests of the HTTP port share: a client, JSON, and event streams that are read as they come.
 #pragma once
 
-#include <arpa/inet.h>
 #include <httplib.h>
-#include <sys/socket.h>
 
 #include <atomic>
 #include <mutex>
@@ -11,6 +9,7 @@
 #include <thread>
 
 #include "secure_service_test.h"
+#include "support/loopback.h"
 
 namespace marble::testing {
 
@@ -18,22 +17,6 @@ using Json = nlohmann::json;
 
 inline httplib::Headers bearer_header(const std::string& token) {
   return {{"Authorization", "Bearer " + token}};
-}
-
-/// Connects a socket to the port of this URL on loopback.
-inline void connect_to(const std::string& url, int one) {
-  sockaddr_in address = {};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':') + 1))));
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  EXPECT_EQ(connect(one, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
-}
-
-/// The caller's to close.
-[[nodiscard]] inline int connected_to(const std::string& url) {
-  const int one = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  connect_to(url, one);
-  return one;
 }
 
 /// One event stream, read by a thread of its own until it ends or the reader does.

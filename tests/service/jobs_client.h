@@ -65,6 +65,18 @@ class JobsClient {
     EXPECT_EQ(status.error_code(), expected) << status.error_message();
     return response;
   }
+  /// Reads a job's bundle to its end; its first message are the facts.
+  grpc::Status bundle(const std::string& id, v1::JobBundle* facts = nullptr) {
+    grpc::ClientContext context;
+    v1::JobBundleRequest request;
+    request.set_job_id(id);
+    const auto reader = jobs_->Bundle(&context, request);
+    v1::JobBundleResponse piece;
+    while (reader->Read(&piece)) {
+      if (piece.has_bundle() && facts != nullptr) *facts = piece.bundle();
+    }
+    return reader->Finish();
+  }
 
  private:
   std::unique_ptr<v1::Jobs::Stub> jobs_;

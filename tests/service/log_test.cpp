@@ -1,5 +1,4 @@
 // The log of a real server: whose a line is, which lines there are, and that no client floods it.
-#include <arpa/inet.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -8,6 +7,7 @@
 
 #include "bidi.h"
 #include "secure_service_test.h"
+#include "support/loopback.h"
 
 namespace marble::testing {
 namespace {
@@ -56,13 +56,7 @@ class LogLines : public SecureServiceTest {
   }
   /// Writes bytes to the server's port and hangs up.
   void send_garbage(const std::string& bytes) {
-    const int connection = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    sockaddr_in address = {};
-    address.sin_family = AF_INET;
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    const std::string& text = server().address();
-    address.sin_port = htons(static_cast<std::uint16_t>(std::stoi(text.substr(text.rfind(':') + 1))));
-    ASSERT_EQ(::connect(connection, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+    const int connection = connected_to(server().address());
     EXPECT_EQ(::write(connection, bytes.data(), bytes.size()), static_cast<ssize_t>(bytes.size()));
     shutdown(connection, SHUT_WR);
     char answer = 0;

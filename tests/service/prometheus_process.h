@@ -1,30 +1,15 @@
 // A real Prometheus for one test, asked through its HTTP API.
 #pragma once
 
-#include <arpa/inet.h>
 #include <httplib.h>
-#include <sys/socket.h>
 
 #include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "support/child_process.h"
+#include "support/loopback.h"
 
 namespace marble::testing {
-
-/// A port that nobody has just now.
-[[nodiscard]] inline int free_port() {
-  const int probe = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  sockaddr_in address = {};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t size = sizeof address;
-  const auto bound = bind(probe, reinterpret_cast<sockaddr*>(&address), size) == 0 &&
-                     getsockname(probe, reinterpret_cast<sockaddr*>(&address), &size) == 0;
-  close(probe);
-  if (!bound) throw std::runtime_error("there is no free port");
-  return ntohs(address.sin_port);
-}
 
 class PrometheusProcess {
  public:

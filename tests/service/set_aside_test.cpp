@@ -43,17 +43,6 @@ class SetAside : public ::testing::Test {
     EXPECT_EQ(node.job(id).state(), v1::JOB_STATE_FINISHED);
     EXPECT_THAT(node.job(id).error().message(), HasSubstr("the server stopped " + times));
   }
-  /// The request is there still, for a bug report.
-  static grpc::Status bundle(Node& node, const std::string& id) {
-    grpc::ClientContext context;
-    v1::JobBundleRequest request;
-    request.set_job_id(id);
-    const auto reader = node.jobs().Bundle(&context, request);
-    v1::JobBundleResponse piece;
-    while (reader->Read(&piece)) {
-    }
-    return reader->Finish();
-  }
   [[nodiscard]] std::vector<std::string> flags(std::vector<std::string> more = {"--workers", "1"}) const {
     more.insert(more.end(), {"--state-dir", directory_.file("state")});
     return more;
@@ -83,13 +72,13 @@ TEST_F(SetAside, OneServerEndsTheJobAfterTwoStartsAndAnswersAllOthers) {
   (void)node->cancel(first);
   for (const auto& [id, number] : others) expect_answer(*node, id, number);
   EXPECT_EQ(node->server().log_lines({"job_set_aside", fatal, kFatal}).size(), 1U) << node->server().log();
-  EXPECT_TRUE(bundle(*node, fatal).ok());
+  EXPECT_TRUE(node->bundle(fatal).ok());  // for a bug report
   EXPECT_EQ(node->submit(fatal_request()), fatal) << "sent again it is the same job";
   node->kill();
   node = start(flags());
   ASSERT_NE(node, nullptr);
   expect_set_aside(*node, fatal, "twice");
-  EXPECT_TRUE(bundle(*node, fatal).ok());
+  EXPECT_TRUE(node->bundle(fatal).ok());
   EXPECT_TRUE(node->solves());
 }
 
@@ -207,7 +196,7 @@ TEST_F(FleetSetAside, OneJobCostsTwoOfFourServersAndNothingElseIsLost) {
   expect_set_aside(**alive, fatal, "twice");
   for (const auto& [id, number] : others) expect_answer(**alive, id, number);
   EXPECT_EQ(dead(), 2);
-  EXPECT_TRUE(bundle(**alive, fatal).ok());
+  EXPECT_TRUE((*alive)->bundle(fatal).ok());
   EXPECT_EQ(database_.ask("SELECT count(*) FROM marble_answers"), std::to_string(kOthers + 1));
   EXPECT_EQ(database_.ask("SELECT count(*) FROM marble_jobs WHERE state <> 2"), "0");
   for (const auto& node : nodes) {

@@ -1,18 +1,17 @@
 // Takes the address of a server that was lost: accepts connections, and closes them at once.
 #pragma once
 
-#include <arpa/inet.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <array>
 #include <atomic>
-#include <stdexcept>
 #include <string>
 #include <thread>
 
 #include "child_process.h"
+#include "loopback.h"
 
 namespace marble::testing {
 
@@ -20,16 +19,9 @@ class AbsentServer {
  public:
   /// Of a server that was on "127.0.0.1:4711".
   explicit AbsentServer(const std::string& address) {
-    const std::size_t colon = address.rfind(':');
-    sockaddr_in name = {};
-    name.sin_family = AF_INET;
-    name.sin_port = htons(static_cast<std::uint16_t>(std::stoi(address.substr(colon + 1))));
-    inet_pton(AF_INET, address.substr(0, colon).c_str(), &name.sin_addr);
     const int reuse = 1;
     setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &reuse, sizeof reuse);
-    if (bind(listener_, reinterpret_cast<const sockaddr*>(&name), sizeof name) != 0 ||
-        listen(listener_, 16) != 0)
-      throw std::runtime_error("cannot listen on " + address);
+    listen_on(listener_, loopback(address));
     thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
   }
   ~AbsentServer() {

@@ -1,7 +1,6 @@
 // Relays between clients and a server, and holds back the server's responses as a failing network does.
 #pragma once
 
-#include <arpa/inet.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -10,23 +9,19 @@
 #include <atomic>
 #include <cstdint>
 #include <list>
-#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
+
+#include "loopback.h"
 
 namespace marble::testing {
 
 class LosingRelay {
  public:
   /// Relays to a server on "127.0.0.1:4711".
-  explicit LosingRelay(const std::string& server) : server_(name_of(server)) {
-    sockaddr_in own = name_of("127.0.0.1:0");
-    socklen_t size = sizeof own;
-    if (bind(listener_, reinterpret_cast<const sockaddr*>(&own), sizeof own) != 0 ||
-        listen(listener_, 16) != 0 || getsockname(listener_, reinterpret_cast<sockaddr*>(&own), &size) != 0)
-      throw std::runtime_error("cannot listen");
-    address_ = "127.0.0.1:" + std::to_string(ntohs(own.sin_port));
+  explicit LosingRelay(const std::string& server) : server_(loopback(server)) {
+    address_ = "127.0.0.1:" + std::to_string(listen_on(listener_, loopback()));
     thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
   }
   ~LosingRelay() {
@@ -51,15 +46,6 @@ class LosingRelay {
     std::size_t asked = 0;
     bool lost = false;
   };
-
-  static sockaddr_in name_of(const std::string& address) {
-    const std::size_t colon = address.rfind(':');
-    sockaddr_in name = {};
-    name.sin_family = AF_INET;
-    name.sin_port = htons(static_cast<std::uint16_t>(std::stoi(address.substr(colon + 1))));
-    inet_pton(AF_INET, address.substr(0, colon).c_str(), &name.sin_addr);
-    return name;
-  }
 
   static void hang_up(const Connection& connection) {
     close(connection.client);

@@ -2,14 +2,14 @@
 // restarted on the same files.
 #pragma once
 
-#include <arpa/inet.h>
 #include <pwd.h>
-#include <sys/socket.h>
+#include <unistd.h>
 
 #include <memory>
 #include <optional>
 
 #include "child_process.h"
+#include "loopback.h"
 
 namespace marble::testing {
 
@@ -85,18 +85,6 @@ class PostgresProcess {
   [[nodiscard]] std::vector<std::string> as_user(std::vector<std::string> command) const {
     command.insert(command.begin(), as_user_.begin(), as_user_.end());
     return command;
-  }
-  static int free_port() {
-    const int listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    sockaddr_in name = {};
-    name.sin_family = AF_INET;
-    name.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    socklen_t size = sizeof name;
-    const bool bound = bind(listener, reinterpret_cast<const sockaddr*>(&name), size) == 0 &&
-                       getsockname(listener, reinterpret_cast<sockaddr*>(&name), &size) == 0;
-    close(listener);
-    if (!bound) throw std::runtime_error("no free port");
-    return ntohs(name.sin_port);
   }
 
   const std::string programs_, fsync_;

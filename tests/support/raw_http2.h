@@ -1,7 +1,6 @@
 // Provides an HTTP/2 connection frame by frame, for data that no client library would send.
 #pragma once
 
-#include <arpa/inet.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -9,12 +8,12 @@
 #include <cstdint>
 #include <map>
 #include <set>
-#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "child_process.h"
+#include "loopback.h"
 
 namespace marble::testing {
 
@@ -32,17 +31,7 @@ class RawHttp2 {
   using Fields = std::vector<std::pair<std::string, std::string>>;
 
   /// A TCP connection to "127.0.0.1:4711" on which nothing has been sent yet.
-  explicit RawHttp2(const std::string& address) : socket_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-    const std::size_t colon = address.rfind(':');
-    sockaddr_in name = {};
-    name.sin_family = AF_INET;
-    name.sin_port = htons(static_cast<std::uint16_t>(std::stoi(address.substr(colon + 1))));
-    inet_pton(AF_INET, address.substr(0, colon).c_str(), &name.sin_addr);
-    if (::connect(socket_, reinterpret_cast<const sockaddr*>(&name), sizeof name) != 0) {
-      close(socket_);
-      throw std::runtime_error("cannot connect to " + address);
-    }
-  }
+  explicit RawHttp2(const std::string& address) : socket_(connected_to(address)) {}
   ~RawHttp2() { close(socket_); }
   RawHttp2(const RawHttp2&) = delete;
   RawHttp2& operator=(const RawHttp2&) = delete;

@@ -205,20 +205,5 @@ TEST(WarmStart, HearsAStopAndKeepsLimits) {
   EXPECT_EQ(make(p, options).solve({.warm_start = &first}).value().status, Status::time_limit);
 }
 
-TEST(Starts, MoreOfThemAreNeverWorse) {
-  for (const OwnedProblem& p : {examples::hopper({.steps = 12}), examples::qpec({}, 3)}) {
-    double last = std::numeric_limits<double>::infinity();
-    for (const int starts : {1, 2, 4}) {
-      Options options;
-      options.num_starts = starts;
-      const Solution s = solve_in_process(p.view(), options).value();
-      ASSERT_EQ(s.status, Status::solved) << p.name;
-      EXPECT_LE(s.objective, last + 1e-9 * (1.0 + std::abs(last))) << p.name;
-      EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 1e-8);
-      last = s.objective;
-    }
-  }
-}
-
 }  // namespace
 }  // namespace marble
