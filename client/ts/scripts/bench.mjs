@@ -1,6 +1,6 @@
 // Client-side costs of a problem of 1 MB: checking and packing, encoding, and decoding a solution of that size.
 import { SolveRequest, SolveResponse } from "../dist/generated/marble/v1/service.js";
-import { packDoubles } from "../dist/base/packed.js";
+import { packDoubles } from "../dist/packed.js";
 import { Solution } from "../dist/model/solution.js";
 import { solveRequest } from "../dist/calls/solve.js";
 

@@ -16,8 +16,8 @@ export {
   RefusedError,
   SupersededError,
   UnavailableError,
-} from "./base/errors.js";
-export type { ErrorCode, ErrorDetails } from "./base/errors.js";
+} from "./errors.js";
+export type { ErrorCode, ErrorDetails } from "./errors.js";
 export type { SolutionKind } from "./shared/solution-kind.js";
 export type { ArrayAnswer, ArrayControls, ArrayElement, ArrayReading, SubmittedArray } from "./calls/array.js";
 export type { BatchAnswer, BatchControls, BatchProblem } from "./calls/batch.js";

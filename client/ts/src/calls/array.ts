@@ -1,5 +1,5 @@
-import { wholeOrZero } from "../base/checks.js";
-import { type MarbleError, RefusedError, invalid, within } from "../base/errors.js";
+import { wholeOrZero } from "../checks.js";
+import { type MarbleError, RefusedError, invalid, within } from "../errors.js";
 import type { Connection } from "../connection/connection.js";
 import { type ArrayElement as ElementMessage, JobsService, type SubmitArrayRequest } from "../generated/marble/v1/service.js";
 import { type CheckedProblem, type Problem, type ProblemUpdate, checkProblem, updateMessage } from "../model/problem.js";

@@ -1,6 +1,6 @@
 import type { ClientDuplexStream } from "@grpc/grpc-js";
 
-import { MarbleError, RefusedError, errorOf } from "../base/errors.js";
+import { MarbleError, RefusedError, errorOf } from "../errors.js";
 import type { Connection } from "../connection/connection.js";
 import {
   type SolveBatchRequest,

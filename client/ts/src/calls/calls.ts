@@ -8,8 +8,8 @@ import type {
   MethodDefinition,
 } from "@grpc/grpc-js";
 
-import { checkDeadline, untilForever } from "../base/checks.js";
-import { invalid } from "../base/errors.js";
+import { checkDeadline, untilForever } from "../checks.js";
+import { invalid } from "../errors.js";
 import type { Place } from "../connection/channels.js";
 import type { Connection } from "../connection/connection.js";
 import { JobsService, ServerService, SolverService } from "../generated/marble/v1/service.js";

@@ -1,7 +1,7 @@
-import { secondsOrZero, wholeOrZero } from "../base/checks.js";
-import { errorOf, invalid, within } from "../base/errors.js";
-import { packDoubles, packIntegers, unpackDoubles } from "../base/packed.js";
-import { word } from "../base/words.js";
+import { secondsOrZero, wholeOrZero } from "../checks.js";
+import { errorOf, invalid, within } from "../errors.js";
+import { packDoubles, packIntegers, unpackDoubles } from "../packed.js";
+import { word } from "../words.js";
 import type { Connection } from "../connection/connection.js";
 import { Coupled as Message, type CoupledBlock as BlockMessage } from "../generated/marble/v1/coupled.js";
 import { Problem as ProblemMessage } from "../generated/marble/v1/problem.js";

@@ -1,4 +1,4 @@
-import { type Words, word } from "../base/words.js";
+import { type Words, word } from "../words.js";
 import { Priority as PriorityNumber } from "../generated/marble/v1/job.js";
 import { type OptionSchema as OptionSchemaMessage, OptionSchema_Type } from "../generated/marble/v1/options.js";
 import {

@@ -1,9 +1,9 @@
 import { randomUUID } from "node:crypto";
 
-import { secondsOrZero, wholeOrZero } from "../base/checks.js";
-import { type MarbleError, RefusedError, invalid } from "../base/errors.js";
-import { unpackDoubles, unpackFloats, unpackIntegers } from "../base/packed.js";
-import { type Words, valueOf, word, words } from "../base/words.js";
+import { secondsOrZero, wholeOrZero } from "../checks.js";
+import { type MarbleError, RefusedError, invalid } from "../errors.js";
+import { unpackDoubles, unpackFloats, unpackIntegers } from "../packed.js";
+import { type Words, valueOf, word, words } from "../words.js";
 import type { Connection } from "../connection/connection.js";
 import {
   type GetJobResponse,

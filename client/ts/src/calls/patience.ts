@@ -1,6 +1,6 @@
 import { setTimeout as sleep } from "node:timers/promises";
 
-import { errorOf } from "../base/errors.js";
+import { errorOf } from "../errors.js";
 import type { Connection } from "../connection/connection.js";
 import { cancelled, isLost } from "./status.js";
 

@@ -1,7 +1,7 @@
-import { secondsOrZero } from "../base/checks.js";
-import { errorOf, invalid } from "../base/errors.js";
-import { packDoubles, packIntegers } from "../base/packed.js";
-import { type Words, valueOf, word, words } from "../base/words.js";
+import { secondsOrZero } from "../checks.js";
+import { errorOf, invalid } from "../errors.js";
+import { packDoubles, packIntegers } from "../packed.js";
+import { type Words, valueOf, word, words } from "../words.js";
 import type { Connection } from "../connection/connection.js";
 import {
   ProblemPart as PartNumber,

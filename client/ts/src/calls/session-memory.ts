@@ -1,4 +1,4 @@
-import { packDoubles, unpackDoubles } from "../base/packed.js";
+import { packDoubles, unpackDoubles } from "../packed.js";
 import { matrices, matrixValues, vectors } from "../shared/tables.js";
 import { HessianForm, type Problem as ProblemMessage } from "../generated/marble/v1/problem.js";
 import type {

@@ -1,6 +1,6 @@
 import type { ClientDuplexStream } from "@grpc/grpc-js";
 
-import { errorOf } from "../base/errors.js";
+import { errorOf } from "../errors.js";
 import type { Connection } from "../connection/connection.js";
 import { SolverService } from "../generated/marble/v1/service.js";
 import type {

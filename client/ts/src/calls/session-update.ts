@@ -1,5 +1,5 @@
-import { checkDeadline, untilForever, wholeOrZero } from "../base/checks.js";
-import { invalid } from "../base/errors.js";
+import { checkDeadline, untilForever, wholeOrZero } from "../checks.js";
+import { invalid } from "../errors.js";
 import type { SessionUpdate, Shift as ShiftMessage } from "../generated/marble/v1/session.js";
 import { type SolveOptions, optionsMessage } from "../model/options.js";
 import { type Problem, type ProblemUpdate, type Shape, checkProblem, updateMessage } from "../model/problem.js";

@@ -1,4 +1,4 @@
-import { checkDeadline, secondsOrZero, wholeOrZero } from "../base/checks.js";
+import { checkDeadline, secondsOrZero, wholeOrZero } from "../checks.js";
 import {
   InvalidProblemError,
   type MarbleError,
@@ -6,7 +6,7 @@ import {
   RefusedError,
   SupersededError,
   errorOf,
-} from "../base/errors.js";
+} from "../errors.js";
 import type { Connection } from "../connection/connection.js";
 import type { SessionAnswer, SessionReady, SessionSuperseded, SessionUpdate } from "../generated/marble/v1/session.js";
 import { optionsMessage } from "../model/options.js";

@@ -1,7 +1,7 @@
-import { secondsOrZero, wholeOrZero } from "../base/checks.js";
-import { errorOf, invalid } from "../base/errors.js";
-import { packDoubles } from "../base/packed.js";
-import { type Words, valueOf, words } from "../base/words.js";
+import { secondsOrZero, wholeOrZero } from "../checks.js";
+import { errorOf, invalid } from "../errors.js";
+import { packDoubles } from "../packed.js";
+import { type Words, valueOf, words } from "../words.js";
 import type { Connection } from "../connection/connection.js";
 import { Priority as PriorityNumber } from "../generated/marble/v1/job.js";
 import type { Problem as ProblemMessage } from "../generated/marble/v1/problem.js";

@@ -1,7 +1,7 @@
 // Conversion of gRPC statuses and their details to errors.
 import { Metadata, type ServiceError, status as statuses } from "@grpc/grpc-js";
 
-import { type ErrorCode, MarbleError, errorOf, invalid } from "../base/errors.js";
+import { type ErrorCode, MarbleError, errorOf, invalid } from "../errors.js";
 import { defaultAddress, errorNames, matrices, matrixValues, noServerHint, vectors } from "../shared/tables.js";
 import type { Duration } from "../generated/google/protobuf/duration.js";
 import { BadRequest, RetryInfo } from "../generated/google/rpc/error_details.js";

@@ -1,7 +1,7 @@
 // Addresses as gRPC targets.
 import { experimental } from "@grpc/grpc-js";
 
-import { invalid } from "../base/errors.js";
+import { invalid } from "../errors.js";
 import { localAddress, longestUnixPath } from "../shared/tables.js";
 
 /** The target of a channel. */

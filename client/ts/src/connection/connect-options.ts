@@ -1,7 +1,7 @@
 import { readFileSync } from "node:fs";
 import { basename } from "node:path";
 
-import { invalid } from "../base/errors.js";
+import { invalid } from "../errors.js";
 import * as tables from "../shared/tables.js";
 
 /** How a client reaches its server and identifies itself. All fields are optional. */

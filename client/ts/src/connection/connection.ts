@@ -1,7 +1,7 @@
 import { type ChannelOptions, Client, Metadata, connectivityState, credentials } from "@grpc/grpc-js";
 
-import { checkDeadline } from "../base/checks.js";
-import { PreconditionError, invalid } from "../base/errors.js";
+import { checkDeadline } from "../checks.js";
+import { PreconditionError, invalid } from "../errors.js";
 import { targetOf } from "./addresses.js";
 import { Channels, type Place } from "./channels.js";
 import {

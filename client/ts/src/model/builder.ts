@@ -1,4 +1,4 @@
-import { invalid } from "../base/errors.js";
+import { invalid } from "../errors.js";
 import type { Triplets } from "./matrix.js";
 import type { Problem } from "./problem.js";
 import type { Solution } from "./solution.js";

@@ -1,4 +1,4 @@
-import { invalid } from "../base/errors.js";
+import { invalid } from "../errors.js";
 import { mostRows, symmetry } from "../shared/tables.js";
 
 /** A dense matrix: one array per row, all of the same length. Zeros are not part of the pattern. */

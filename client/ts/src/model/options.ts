@@ -1,5 +1,5 @@
-import { invalid } from "../base/errors.js";
-import { type Words, valueOf, word, words } from "../base/words.js";
+import { invalid } from "../errors.js";
+import { type Words, valueOf, word, words } from "../words.js";
 import { SolveOptions as Message, Method, Path, Retraction } from "../generated/marble/v1/options.js";
 
 /**

@@ -1,7 +1,7 @@
-import { invalid } from "../base/errors.js";
-import { packDoubles, packIntegers } from "../base/packed.js";
+import { invalid } from "../errors.js";
+import { packDoubles, packIntegers } from "../packed.js";
 import { matrices as matrixFields, matrixValues, offsets, vectors } from "../shared/tables.js";
-import { type Words, valueOf, words } from "../base/words.js";
+import { type Words, valueOf, words } from "../words.js";
 import { HessianForm, type Problem as Message, type SparseMatrix } from "../generated/marble/v1/problem.js";
 import type { ProblemUpdate as UpdateMessage } from "../generated/marble/v1/session.js";
 import { type Csc, type Matrix, checkSymmetric, takeMatrix, takeValues, takeVector } from "./matrix.js";

@@ -1,4 +1,4 @@
-import { unpackDoubles } from "../base/packed.js";
+import { unpackDoubles } from "../packed.js";
 import type { Progress as Message, Violations as ViolationsMessage } from "../generated/marble/v1/progress.js";
 
 /** Largest violations in the problem's units; 0 if there are no such constraints. */

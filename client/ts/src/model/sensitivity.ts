@@ -1,5 +1,5 @@
-import { type MarbleError, errorOf, invalid } from "../base/errors.js";
-import { packDoubles, unpackDoubles, unpackIntegers } from "../base/packed.js";
+import { type MarbleError, errorOf, invalid } from "../errors.js";
+import { packDoubles, unpackDoubles, unpackIntegers } from "../packed.js";
 import { matrixValues, vectors } from "../shared/tables.js";
 import type { Fault } from "../generated/marble/v1/fault.js";
 import {

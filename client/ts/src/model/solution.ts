@@ -1,7 +1,7 @@
 import { inspect } from "node:util";
 
-import { type Unpacked, unpackDoubles, unpackIntegers, unpacked } from "../base/packed.js";
-import { type Words, word } from "../base/words.js";
+import { type Unpacked, unpackDoubles, unpackIntegers, unpacked } from "../packed.js";
+import { type Words, word } from "../words.js";
 import {
   type Conflict as ConflictMessage,
   PointOrigin as PointOriginNumber,

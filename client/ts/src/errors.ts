@@ -1,4 +1,4 @@
-import type { errorNames } from "../shared/tables.js";
+import type { errorNames } from "./shared/tables.js";
 
 /** Details of an error besides its message. */
 export interface ErrorDetails {
