@@ -1,0 +1,8 @@
+"""Linear complementarity systems (LCS), and plans over a horizon of them as LCQPs: contact-implicit MPC.
+
+    x₊ = A x + B u + D λ + d,   0 ≤ λ ⊥ E x + F λ + H u + c ≥ 0
+"""
+
+from marble.lcs.system import LCS
+
+__all__ = ["LCS"]
