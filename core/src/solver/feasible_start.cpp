@@ -51,7 +51,9 @@ Strategy::Answer Strategy::not_above_start(Run& run, Answer answer, ConstVectorR
   Images images(problem_);
   images.evaluate(problem_, *answer.x);
   const bool feasible = within_tolerances(violations(problem_, images), options_);
-  const double noise = tuning::rounding * (1.0 + std::abs(start_->objective));
+  // The start's branch, solved again from elsewhere, has the same objective up to exactness.
+  const double noise =
+      (start_is_exact_ ? tuning::exactness : tuning::rounding) * (1.0 + std::abs(start_->objective));
   const bool ended = is_solved(status) || ended_by_force(status);
   if (ended && feasible && images.objective <= start_->objective + noise) return answer;
   if (ended_by_force(status))
