@@ -68,7 +68,7 @@ def _with_pattern(value: Any, old: Any, name: str) -> Any:
     """A matrix as it may be given, or its values alone in the order of the set-up, as a matrix like `old`."""
     if not sp.issparse(value) and np.ndim(value) == 1 and np.size(value) == old.nnz and old.shape[0] != 1:
         data: Vector = lcqp.vector(value, name + ".values")
-        return sp.csc_matrix((data, old.indices, old.indptr), shape=old.shape)
+        return lcqp.csc(data, old.indices, old.indptr, old.shape)
     rows, n = old.shape
     new = lcqp.upper_triangle(value, n) if name == "Q" else lcqp.matrix(value, name, n, rows)
     return _same_pattern(new, old, name)
@@ -92,7 +92,7 @@ def _same_pattern(new: Any, old: Any, name: str) -> Any:
                              index=lcqp.position(new, entry), value=new.data[entry])
     data = np.zeros(old.nnz)
     data[places[known]] = new.data[known]
-    return sp.csc_matrix((data, old.indices, old.indptr), shape=old.shape)
+    return lcqp.csc(data, old.indices, old.indptr, old.shape)
 
 
 def _columns(values: Any) -> Any:
