@@ -10,6 +10,7 @@
 #include "call.h"
 #include "composite.h"
 #include "ctrl_c.h"
+#include "lcs.h"
 #include "marble/composite/counter_random.h"
 #include "marble/options.h"
 #include "marble/solver.h"
@@ -246,6 +247,7 @@ PYBIND11_MODULE(_core, m) {
   bind_sensitivity(m);
   bind_scenarios(m);
   bind_coupled(m);
+  bind_lcs(m);
 }
 
 }  // namespace marble::python

@@ -33,7 +33,7 @@ def _python(*arguments, server="", where=None, **more):
 
 def test_the_quick_start_works_word_for_word(server, tmp_path):
     blocks = re.findall(r"```python\n(.*?)```", (HERE / "README.md").read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) == 2
+    assert len(blocks) == 3
     (tmp_path / "quick_start.py").write_text("\n".join(blocks), encoding="utf-8")
     run = _python("quick_start.py", server=server.address, where=tmp_path)
     assert run.returncode == 0, run.stderr

@@ -3,6 +3,7 @@
     x₊ = A x + B u + D λ + d,   0 ≤ λ ⊥ E x + F λ + H u + c ≥ 0
 """
 
+from marble.lcs.planner import Plan, Planner, PlanOrigin, PlanTimes, rollout
 from marble.lcs.system import LCS
 
-__all__ = ["LCS"]
+__all__ = ["LCS", "Plan", "PlanOrigin", "PlanTimes", "Planner", "rollout"]
