@@ -6,7 +6,7 @@
 
 #include "answers.h"
 #include "arrays.h"
-#include "calls/call.h"
+#include "call.h"
 #include "marble/lcs.h"
 
 namespace marble::python {

@@ -3,7 +3,10 @@
     x₊ = A x + B u + D λ + d,   0 ≤ λ ⊥ E x + F λ + H u + c ≥ 0
 """
 
+from marble.lcs.dispatch import linearize, linearizer
+from marble.lcs.linearization import ContactPair, Linearization
 from marble.lcs.planner import Plan, Planner, PlanOrigin, PlanTimes, rollout
 from marble.lcs.system import LCS
 
-__all__ = ["LCS", "Plan", "PlanOrigin", "PlanTimes", "Planner", "rollout"]
+__all__ = ["ContactPair", "LCS", "Linearization", "Plan", "PlanOrigin", "PlanTimes", "Planner", "linearize",
+           "linearizer", "rollout"]
