@@ -191,9 +191,19 @@ def friction_of(friction: Any, defaults: Sequence[float]) -> list[float]:
     return [float(value) for value in values]
 
 
-def chosen_pairs(pairs: Any, shape_of: Callable[[Any, int], Any],
+def contact_pairs(settings: Settings, pairs: Any, possible: Callable[[], Iterable[ContactPair]],
+                  candidate: Callable[[ContactPair], Candidate], shape_of: Callable[[Any, int], Any],
+                  features_of: Callable[[Any, Any], tuple[str, ...]]) -> tuple[ContactPair, ...]:
+    """Those that the caller chose, or of the possible ones those that `Settings.chosen` keeps."""
+    if pairs is not None:
+        return tuple(_given_pairs(pairs, shape_of, features_of))
+    found = list(possible())
+    return tuple(found[i] for i in settings.chosen(found, [candidate(pair) for pair in found]))
+
+
+def _given_pairs(pairs: Any, shape_of: Callable[[Any, int], Any],
                  features_of: Callable[[Any, Any], tuple[str, ...]]) -> list[ContactPair]:
-    """The pairs that a caller chose: (first, second) for all features, or (first, second, feature).
+    """The pairs of (first, second) for all features, or (first, second, feature).
 
     shape_of: identifies a shape by what the caller gave, in the pair of that index, or raises InvalidArgument.
     """

@@ -27,7 +27,7 @@ from marble.lcs.linearization import (
     ContactPair,
     Linearization,
     Settings,
-    chosen_pairs,
+    contact_pairs,
     friction_of,
 )
 from marble.lcs.time_stepping import Contact, SmoothDynamics
@@ -72,13 +72,9 @@ class Linearizer:
         self._u_max = np.where(limited, model.actuator_ctrlrange[:, 1], np.inf)
         self._read(data, None)
         mj.mj_forward(self._model, self._data)
-        if pairs is None:
-            possible = list(self._possible())
-            near = [pair for pair in possible if self._may_be_near(pair, self._settings.max_gap)] or possible
-            candidates = [self._candidate(pair, *_parameters(model, pair.first, pair.second)) for pair in near]
-            self.pairs = tuple(near[i] for i in self._settings.chosen(near, candidates))
-        else:
-            self.pairs = tuple(chosen_pairs(pairs, self._geom, self._features))
+        self.pairs = contact_pairs(self._settings, pairs, self._near,
+                                   lambda pair: self._candidate(pair, *_parameters(model, pair.first, pair.second)),
+                                   self._geom, self._features)
         self._fixed = [_parameters(model, pair.first, pair.second) for pair in self.pairs]
         self._friction = friction_of(friction, [mu for _, mu, _ in self._fixed])
         kinds = [mj.mjtJoint(kind) for kind in model.jnt_type]
@@ -244,6 +240,11 @@ class Linearizer:
             if _may_collide(self._model, first, second):
                 for feature in self._features(first, second):
                     yield ContactPair(first, second, feature)
+
+    def _near(self) -> list[ContactPair]:
+        """The possible pairs without those that are certainly farther than max_gap, unless all are."""
+        possible = list(self._possible())
+        return [pair for pair in possible if self._may_be_near(pair, self._settings.max_gap)] or possible
 
     def _may_be_near(self, pair: ContactPair, gap: float) -> bool:
         m, d, (i, j, _) = self._model, self._data, pair
