@@ -27,14 +27,14 @@ ARM = """<mujoco model="arm"><option timestep=".01"/><worldbody><geom name="floo
   </body></body></worldbody><actuator><motor name="a" joint="a"/><motor name="b" joint="b"/></actuator></mujoco>"""
 
 FOOT = """<collision name="foot{0}"><pose>{1} {2} -.08 0 0 0</pose><geometry><sphere><radius>.02</radius></sphere>
-  </geometry><drake:proximity_properties><drake:mu_static>.8</drake:mu_static><drake:mu_dynamic>.8</drake:mu_dynamic>
-  </drake:proximity_properties></collision>"""
-TABLE = """<sdf version="1.7" xmlns:drake="drake.mit.edu"><model name="table"><link name="table"><inertial><mass>1</mass>
-  <inertia><ixx>.0082</ixx><iyy>.0067</iyy><izz>.0082</izz></inertia></inertial>""" + "".join(
+  </geometry><drake:proximity_properties><drake:mu_static>.8</drake:mu_static>
+  <drake:mu_dynamic>.8</drake:mu_dynamic></drake:proximity_properties></collision>"""
+TABLE = """<sdf version="1.7" xmlns:drake="drake.mit.edu"><model name="table"><link name="table"><inertial>
+  <mass>1</mass><inertia><ixx>.0082</ixx><iyy>.0067</iyy><izz>.0082</izz></inertia></inertial>""" + "".join(
     FOOT.format(i, *at) for i, at in enumerate([(-.1, -.12), (-.1, .12), (.1, -.12), (.1, .12)])) + """</link>
   <link name="weight"><inertial><mass>.01</mass><inertia><ixx>1e-5</ixx><iyy>1e-5</iyy><izz>1e-5</izz></inertia>
-  </inertial></link><joint name="wheel" type="revolute"><parent>table</parent><child>weight</child><axis><xyz>0 0 1</xyz>
-  </axis></joint></model></sdf>"""
+  </inertial></link><joint name="wheel" type="revolute"><parent>table</parent><child>weight</child>
+  <axis><xyz>0 0 1</xyz></axis></joint></model></sdf>"""
 
 
 def made(text, kind, timestep, friction=None):
@@ -68,7 +68,8 @@ class Steps(unittest.TestCase):
                 other = marble.lcs.linearize(theirs, data, **options)
                 here = marble.lcs.linearize(plant, own, u=u, **options)
                 for field in "ABDdEFHc":
-                    np.testing.assert_allclose(getattr(here.lcs, field), getattr(other.lcs, field), atol=1e-6, rtol=1e-6)
+                    ours, expected = getattr(here.lcs, field), getattr(other.lcs, field)
+                    np.testing.assert_allclose(ours, expected, atol=1e-6, rtol=1e-6)
                 self.assertEqual(here.lcs.names["states"], other.lcs.names["states"])
 
     def test_a_body_that_spins_makes_drakes_step(self):

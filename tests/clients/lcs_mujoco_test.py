@@ -130,7 +130,7 @@ class SmoothSteps(unittest.TestCase):
 
 class ContactSteps(unittest.TestCase):
     def test_friction_has_the_step_of_mujoco_or_of_coulomb(self):
-        """MuJoCo's step is Anitescu's as its contacts get stiffer: what slides also rises. Stewart and Trinkle's is not."""
+        """MuJoCo's step is Anitescu's as its contacts get stiffer: what slides also rises."""
         h, mu = 1e-4, 0.5
         model = box(timestep=h, contact=f'solref="-1 -{1 / h}"')
         for speed, push in ((1, 0), (-0.5, 0), (0, 0.49 * G), (0, 0.51 * G), (0, -2 * G), (0.2, -2 * G)):
@@ -303,7 +303,8 @@ class Contacts(unittest.TestCase):
                 model = mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody>
                   <body name="first"><geom name="first" type="{first}" size="{shapes.get(first, '1 1 .1')}"/>
                   </body><body name="second"><freejoint/><geom name="second" type="{second}" size="{shapes[second]}"/>
-                  <site name="s"/></body></worldbody><actuator><motor site="s" gear="1 0 0 0 0 0"/></actuator></mujoco>""")
+                  <site name="s"/></body></worldbody>
+                  <actuator><motor site="s" gear="1 0 0 0 0 0"/></actuator></mujoco>""")
                 for _ in range(5):
                     turn = random.normal(size=4)
                     turn *= np.sign(turn[0]) / np.linalg.norm(turn)
@@ -317,9 +318,8 @@ class Contacts(unittest.TestCase):
     def _check_normals(self, make, data):
         """The rows are the derivatives of the gaps, wherever the features do not jump."""
         here = make(data)
-        rows = np.array([row for pair, row in zip(here.pairs, self._normal_rows(make, data))
-                         if not pair.feature.startswith("rim")])
         smooth = [i for i, pair in enumerate(here.pairs) if not pair.feature.startswith("rim")]
+        rows = self._normal_rows(make, data)[smooth]
         q = data.qpos.copy()
         for j in range(6):
             gaps = []
@@ -337,7 +337,8 @@ class Contacts(unittest.TestCase):
         return soft.lcs.D[6:].T @ soft.smooth.mass
 
     def test_touching_shapes_have_a_normal(self):
-        model = box(extra='<body name="top" pos="0 0 .3"><freejoint/><geom name="top" type="box" size=".1 .1 .1"/></body>')
+        model = box(extra="""<body name="top" pos="0 0 .3"><freejoint/>
+          <geom name="top" type="box" size=".1 .1 .1"/></body>""")
         here = marble.lcs.linearize(model, moved(model), pairs=[("box", "top", "nearest")], friction=0)
         x, _ = step(here.lcs, here.x0, here.u)
         self.assertAlmostEqual(here.gaps[0], 0)
@@ -409,7 +410,8 @@ class Errors(unittest.TestCase):
                    chain("<actuator>", '<equality><joint joint1="a" joint2="b"/></equality><actuator>'))
         self.check("model.tendon_limited", chain("<actuator>", """<tendon><fixed limited="true" range="0 1">
           <joint joint="a" coef="1"/></fixed></tendon><actuator>"""))
-        self.check("model.na is 1", chain('<motor joint="a" gear="3"/>', '<intvelocity joint="a" kp="1" actrange="-1 1"/>'))
+        self.check("model.na is 1",
+                   chain('<motor joint="a" gear="3"/>', '<intvelocity joint="a" kp="1" actrange="-1 1"/>'))
         self.check("model.nu is 0", mujoco.MjModel.from_xml_string(
             "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"))
 

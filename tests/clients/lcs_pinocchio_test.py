@@ -32,7 +32,8 @@ def arm():
         file.write_text(ARM)
         model = pin.buildModelFromMJCF(str(file))
     shapes = pin.GeometryModel()
-    shapes.addGeometryObject(pin.GeometryObject("floor", 0, pin.SE3.Identity(), coal.Halfspace(np.array([0, 0, 1.0]), 0)))
+    floor = coal.Halfspace(np.array([0, 0, 1.0]), 0)
+    shapes.addGeometryObject(pin.GeometryObject("floor", 0, pin.SE3.Identity(), floor))
     tip = pin.SE3(np.eye(3), np.array([0.2, 0.1, -0.2]))
     shapes.addGeometryObject(pin.GeometryObject("tip", 2, tip, coal.Sphere(0.04)))
     shapes.addAllCollisionPairs()
@@ -92,7 +93,8 @@ class Smooth(unittest.TestCase):
                 here = marble.lcs.linearize(model, (q, v), u=u, geometry_model=shapes, pairs=[("floor", "tip")],
                                             **options)
                 for field in "ABDdEFHc":
-                    np.testing.assert_allclose(getattr(here.lcs, field), getattr(other.lcs, field), atol=2e-7, rtol=1e-7)
+                    ours, expected = getattr(here.lcs, field), getattr(other.lcs, field)
+                    np.testing.assert_allclose(ours, expected, atol=2e-7, rtol=1e-7)
                 self.assertEqual(here.lcs.names["pairs"], other.lcs.names["pairs"])
                 np.testing.assert_allclose(here.gaps, other.gaps, atol=1e-12)
 
@@ -142,7 +144,8 @@ class Contacts(unittest.TestCase):
         here = make((q, np.zeros(6)))
         row = here.lcs.D[6:].T @ here.smooth.mass
         for j in range(6):
-            gaps = [make((pin.integrate(model, q, sign * 1e-5 * np.eye(6)[j]), np.zeros(6))).gaps[0] for sign in (1, -1)]
+            gaps = [make((pin.integrate(model, q, sign * 1e-5 * np.eye(6)[j]), np.zeros(6))).gaps[0]
+                    for sign in (1, -1)]
             other.append((gaps[0] - gaps[1]) / 2e-5)
         self.assertAlmostEqual(here.gaps[0], 0.3, delta=0.05)
         np.testing.assert_allclose(row[0][:3], other[:3], atol=1e-3)
