@@ -337,13 +337,16 @@ class Contacts(unittest.TestCase):
         return soft.lcs.D[6:].T @ soft.smooth.mass
 
     def test_touching_shapes_have_a_normal(self):
-        model = box(extra="""<body name="top" pos="0 0 .3"><freejoint/>
-          <geom name="top" type="box" size=".1 .1 .1"/></body>""")
-        here = marble.lcs.linearize(model, moved(model), pairs=[("box", "top", "nearest")], friction=0)
-        x, _ = step(here.lcs, here.x0, here.u)
-        self.assertAlmostEqual(here.gaps[0], 0)
-        self.assertAlmostEqual(x[12 + 2], -G * 1e-3)  # nothing holds the lower box, and both fall together
-        self.assertAlmostEqual(x[12 + 8], -G * 1e-3)
+        for gap in (-1e-9, 0, 1e-9, 1e-6):
+            model = box(extra=f"""<body name="top" pos="0 0 {0.25 + gap}"><freejoint/>
+              <geom name="top" type="cylinder" size=".1 .05" pos=".15 0 0"/></body>""")
+            here = marble.lcs.linearize(model, moved(model), pairs=[("box", "top", "nearest")], friction=0)
+            x, _ = step(here.lcs, here.x0, here.u)
+            self.assertAlmostEqual(here.gaps[0], gap, delta=1e-6)
+            row = here.lcs.D[12:].T @ here.smooth.mass / here.lcs.dt
+            np.testing.assert_allclose(row[0, :3], [0, 0, -1], atol=1e-5)
+            np.testing.assert_allclose(row[0, 6:9], [0, 0, 1], atol=1e-5)
+            self.assertAlmostEqual(x[12 + 2], -G * 1e-3)  # nothing holds the lower one, and both fall together
 
     def test_the_filter_of_contacts_is_mujocos(self):
         model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>

@@ -38,6 +38,7 @@ Array = NDArray[np.float64]
 _STEP: Final = 1e-5  # of differences by the configuration, rad or m
 _INPUT_STEP: Final = 1e-3
 _TOUCHING: Final = 1e-7  # m: mj_geomDistance has no direction below
+_NEAR: Final = 1e-3  # m: where its contacts are better
 _DOFS: Final = {mj.mjtJoint.mjJNT_FREE: ("x", "y", "z", "rx", "ry", "rz"), mj.mjtJoint.mjJNT_BALL: ("rx", "ry", "rz"),
                 mj.mjtJoint.mjJNT_SLIDE: ("",), mj.mjtJoint.mjJNT_HINGE: ("",)}
 _IGNORABLE: Final = ("equality", "frictionloss", "tendon_limits")
@@ -220,20 +221,29 @@ class Linearizer:
             return self._nearest(second, first).reversed()
         far = 10 * float(m.stat.extent)
         gap = mj.mj_geomDistance(m, d, first, second, far, points)
+        touching = self._touching(first, second) if gap < _NEAR else None
+        if touching is not None:
+            return touching
         if _TOUCHING < abs(gap) < far:
             return Witness(gap, (points[3:] - points[:3]) / gap, points[:3].copy(), points[3:].copy())
         offset = d.geom_xpos[second] - d.geom_xpos[first]
-        normal = offset / np.linalg.norm(offset)
-        if gap >= far:
-            return Witness(gap, normal, d.geom_xpos[first].copy(), d.geom_xpos[second].copy())
-        flags = m.opt.disableflags
+        return Witness(gap, offset / np.linalg.norm(offset), d.geom_xpos[first].copy(), d.geom_xpos[second].copy())
+
+    def _touching(self, first: int, second: int) -> Witness | None:
+        """MuJoCo's deepest contact, if it has one: mj_geomDistance is imprecise there, and has no direction at 0."""
+        m, d = self._model, self._data
+        flags, margins = m.opt.disableflags, m.geom_margin.copy()
         m.opt.disableflags = flags & ~int(mj.mjtDisableBit.mjDSBL_CONSTRAINT)
+        m.geom_margin[[first, second]] = _NEAR
         mj.mj_collision(m, d)
-        m.opt.disableflags = flags
-        for one in d.contact:
-            if {*one.geom} == {first, second}:
-                normal = one.frame[:3] if one.geom[0] == first else -one.frame[:3]
-        return Witness(gap, normal.copy(), points[:3].copy(), points[3:].copy())
+        m.opt.disableflags, m.geom_margin[:] = flags, margins
+        contacts = [one for one in d.contact if {*one.geom} == {first, second}]
+        if not contacts:
+            return None
+        one = min(contacts, key=lambda contact: float(contact.dist))
+        normal = one.frame[:3] if one.geom[0] == first else -one.frame[:3]
+        gap = float(one.dist)
+        return Witness(gap, normal.copy(), one.pos - gap / 2 * normal, one.pos + gap / 2 * normal)
 
     def _possible(self) -> Iterator[ContactPair]:
         for first, second in itertools.combinations(range(self._model.ngeom), 2):
