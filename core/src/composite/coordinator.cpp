@@ -426,8 +426,14 @@ Expected<Coordination> Coordinator::run() {
   }
   const std::string numbers = "coupling rows hold to " + scientific(state_.last.coupling_violation, 1) +
                               " after " + std::to_string(iterations_) + " iterations";
-  return *end == End::agreed ? ended(Status::solved, "the blocks agree: " + numbers)
-                             : ended(Status::iteration_limit, "the blocks do not agree yet: " + numbers);
+  if (*end != End::agreed) return ended(Status::iteration_limit, "the blocks do not agree yet: " + numbers);
+  for (std::size_t k = 0; k < state_.answers.size(); ++k) {
+    if (state_.answers[k].status == Status::almost_solved) {
+      return ended(Status::almost_solved, "the blocks agree: " + numbers + "; " + blocks_.name(k) +
+                                              " is almost solved: " + state_.answers[k].detail);
+    }
+  }
+  return ended(Status::solved, "the blocks agree: " + numbers);
 }
 
 }  // namespace

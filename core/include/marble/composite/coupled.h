@@ -171,8 +171,8 @@ class BlockTicks {
 
 /// The result of the coordinator's iteration.
 struct Coordination {
-  /// solved: the blocks agree. iteration_limit: they do not agree yet. Otherwise the status of the block that
-  /// failed.
+  /// solved: the blocks agree. almost_solved: they agree, but one of them is almost solved. iteration_limit:
+  /// they do not agree yet. Otherwise the status of the block that failed.
   Status status = Status::numerical_failure;
   std::string detail;  ///< one sentence; it names a block that failed
   std::optional<std::size_t> failed_block = {};

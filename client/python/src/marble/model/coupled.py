@@ -59,7 +59,8 @@ class Checked:
 class Coordination:
     """How the coordination of the blocks ended.
 
-    status, detail: SOLVED if the blocks agree, ITERATION_LIMIT if they do not yet; else that of the block `failed`.
+    status, detail: SOLVED if the blocks agree, ALMOST_SOLVED if they do but one is; ITERATION_LIMIT if they do not yet;
+    else that of the block `failed`.
     iterations: of the coordinator. violation: of the coupling rows. step: the largest of a multiplier.
     proximal: the last ρ. frozen_at: the iteration in which pairs were frozen, 0 never; pair_switches: switches of pairs
     then. factorizations: of all blocks. objective: Σ f_k before the joint solve.
