@@ -96,7 +96,7 @@ struct LcsPlanner::State {
   std::vector<double> x0, last_u, start_z;
   LcsTrajectory plan;  // the last one, shifted by the step under way; empty before the first
   bool is_prepared = false, is_begun = false;
-  bool was_cut_off = false;                             // the last solve
+  bool goes_on = false;                                 // the solve, from where the last one was cut off
   bool has_new_matrices = false, has_new_costs = true;  // since the last plan
   double assembly_s = 0.0, rollout_s = 0.0;
 };
@@ -175,8 +175,7 @@ LcsUpdate LcsPlanner::State::update(Index shift) const {
   if (has_new_costs || !task.R_change.empty()) made.numbers.g = p.g;
   if (!p.d.empty()) made.numbers.d = p.d;
   if (has_new_matrices) made.numbers.A = p.A.values, made.numbers.R = p.R.values;
-  // A solve that was cut off goes on from where it was: from a start, it would begin again in every step.
-  if (start.exists && !was_cut_off) made.restart.initial_z = start_z;
+  if (start.exists && !goes_on) made.restart.initial_z = start_z;
   if (shift == 0 || plan.u.empty()) return made;
   made.restart.shift = one_stage;
   for (auto* blocks : {&made.restart.shift.variables, &made.restart.shift.equalities,
@@ -306,7 +305,10 @@ Expected<LcsPlan> LcsPlanner::finish(const LcsAnswer& answer) {
   plan.assembly_s = s.assembly_s, plan.rollout_s = s.rollout_s;
   plan.times = answer.times;
   if (chosen->exists) s.plan = chosen->trajectory;
-  s.was_cut_off = answer.status == Status::time_limit || answer.status == Status::cancelled;
+  // From a start, a solve would begin again in every step; without one, it may never be near a solution
+  // again.
+  const bool cut_off = answer.status == Status::time_limit || answer.status == Status::cancelled;
+  s.goes_on = cut_off && !s.goes_on;
   s.is_begun = s.is_prepared = s.has_new_matrices = s.has_new_costs = false;
   return plan;
 }

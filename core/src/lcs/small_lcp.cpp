@@ -95,6 +95,7 @@ Index SmallLcp::blocking_row(Index column) const {
 SmallLcp::End SmallLcp::follow() {
   const Index theta = 2 * size_;
   Index row = first_row();
+  if (row < 0) return End::solved;  // q ≥ 0 up to rounding
   Index column = size_;
   const Index limit = tuning::lemke_pivots * size_;
   for (Index pivot = 0; row >= 0 && pivot < limit; ++pivot) {

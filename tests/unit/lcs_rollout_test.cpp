@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "lcs/small_lcp.h"
-#include "lcs/systems.h"
+#include "lcs_systems.h"
 
 namespace marble {
 namespace {
@@ -153,6 +153,16 @@ TEST(SmallLcp, DoesNotDependOnUnits) {
     EXPECT_LT((scaled->cwiseProduct(columns) - *z).cwiseAbs().maxCoeff(), 1e-8 * (1.0 + z->maxCoeff()))
         << seed;
   }
+}
+
+// As of contacts in the air, whose tangential speeds are zero but for rounding.
+TEST(SmallLcp, TakesRoundingForZero) {
+  const Eigen::Vector4d q(8.0, -4e-19, 4e-19, 0.0);
+  Rows M = Rows::Zero(4, 4);
+  M << 1, 0, 0, 0, 0, 1, -1, 1, 0, -1, 1, 1, 0.5, -1, -1, 0;
+  const auto z = solved(M, q);
+  ASSERT_TRUE(z);
+  EXPECT_LT(z->maxCoeff(), 1e-15);
 }
 
 TEST(SmallLcp, ReportsARayAndNumbersThatOverflow) {

@@ -3,7 +3,7 @@
 
 #include <limits>
 
-#include "lcs/systems.h"
+#include "lcs_systems.h"
 
 namespace marble {
 namespace {
