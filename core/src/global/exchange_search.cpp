@@ -56,7 +56,7 @@ std::int64_t ExchangeSearch::run(Run& run, std::int64_t most_points, double most
   const Run::Polishing polishing(run);
   bounded_ = 0;
   most_points_ = most_points;
-  if (!prepare(run, most_bytes) || !start(run)) return bounded_;
+  if (most_points <= 0 || !prepare(run, most_bytes) || !start(run)) return bounded_;
   while (descend(run)) {
     if (!perturb(run)) break;
   }
