@@ -5,7 +5,7 @@ import unittest
 import mujoco
 import numpy as np
 from lcp import step
-from page import example
+from adapter_page import example
 from pydrake.geometry import HalfSpace
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser

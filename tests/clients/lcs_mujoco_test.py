@@ -10,7 +10,7 @@ import unittest
 import mujoco
 import numpy as np
 from lcp import step
-from page import ROOT, example
+from adapter_page import ROOT, example
 
 import marble
 import marble.lcs

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 from lcp import step
-from page import example
+from adapter_page import example
 
 import marble
 import marble.lcs

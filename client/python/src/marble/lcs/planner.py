@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+import marble
 from marble.base.tables import Status
 from marble.calls.session import Session
 from marble.calls.shift import Shift, ShiftBlock
-from marble.client import Client
 from marble.connection.connect import server_of
 from marble.errors import DeadlineExceeded, InvalidArgument, Unavailable
 from marble.in_process.core import core, core_errors
@@ -131,7 +131,7 @@ class Planner:
                  R_change: ArrayLike | None = None, regularization: float = 0.0, x_ref: ArrayLike | None = None,
                  u_ref: ArrayLike | None = None, x_lb: ArrayLike | None = None, x_ub: ArrayLike | None = None,
                  u_lb: ArrayLike | None = None, u_ub: ArrayLike | None = None, max_u_change: ArrayLike | None = None,
-                 server: str | Sequence[str] | Client | None = None, reopen: bool = True,
+                 server: str | Sequence[str] | marble.Client | None = None, reopen: bool = True,
                  options: Mapping[str, Any] | None = None, **more_options: Any) -> None:
         if not isinstance(lcs, LCS):
             raise InvalidArgument("lcs", "must be a marble.lcs.LCS", value=type(lcs).__name__)
@@ -155,8 +155,8 @@ class Planner:
         """The terminal cost, as given or computed."""
         self.problem: LCQP = problem_of(self._planner.problem()).named("lcs")
         """The LCQP of the first control step, with x0 = 0; z = (u_0, λ_0, x_1, …, u_{N−1}, λ_{N−1}, x_N)."""
-        self._client, self._owns_client = (server, False) if isinstance(server, Client) else (
-            Client(server_of(server)), True)
+        self._client, self._owns_client = (server, False) if isinstance(server, marble.Client) else (
+            marble.Client(server_of(server)), True)
         try:
             self._session: Session = self._client.session(self.problem, options=given, reopen=reopen)
         except BaseException:
