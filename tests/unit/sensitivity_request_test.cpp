@@ -361,6 +361,11 @@ TEST(SensitivityRequest, WhatDoesNotFitIsAnErrorOfTheSolve) {
   const Values minus(p.g.size(), -1.0), short_one(2, 1.0);
   EXPECT_EQ(refused({.rows = RowsRequest{.E = rows.view(), .proximal = minus}}),
             "sensitivity.rows.proximal[0] = -1.000000: must be >= 0");
+  SparseMatrix tall = rows;
+  tall.rows = n + static_cast<Index>(tall.values.size()) + 1;
+  EXPECT_EQ(refused({.rows = RowsRequest{.E = tall.view()}}),
+            "sensitivity.rows.E.rows = " + std::to_string(tall.rows) + ": must be at most " +
+                std::to_string(tall.rows - 1) + ", the variables and entries");
   rows.values[1] = std::nan("");
   EXPECT_EQ(refused({.rows = RowsRequest{.E = rows.view()}}),
             "sensitivity.rows.E.values[1] = nan: must be finite");

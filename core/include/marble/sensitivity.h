@@ -73,7 +73,7 @@ struct ProblemGradient {
 /// (P = Z (ZᵀQZ)⁻¹ Zᵀ for a basis Z of the directions that keep the branch's rows at zero). Borrows its
 /// arrays.
 struct RowsRequest {
-  SparseMatrixView E;  ///< m × n, m ≥ 1
+  SparseMatrixView E;  ///< m × n, m ≥ 1 and at most n plus the number of entries
   /// n numbers ≥ 0 or empty: a diagonal that was added to Q, such as that of a proximal term. K and z(0) use
   /// Q without it, which must still be convex on the branch. Costs one more factorization.
   std::span<const double> proximal = {};

@@ -17,6 +17,12 @@ Expected<void> check_rows(const RowsRequest& rows, std::size_t n) {
   if (rows.E.rows < 1) return unexpected(invalid("rows.E.rows", std::to_string(rows.E.rows), "must be >= 1"));
   if (auto valid = check_matrix(rows.E, "rows.E", static_cast<std::size_t>(rows.E.rows), n, ""); !valid)
     return valid;
+  // Memory stays in proportion to the request: rows without entries cost nothing to send.
+  const std::size_t most = n + rows.E.values.size();
+  if (static_cast<std::size_t>(rows.E.rows) > most) {
+    return unexpected(invalid("rows.E.rows", std::to_string(rows.E.rows),
+                              "must be at most " + std::to_string(most) + ", the variables and entries"));
+  }
   if (auto valid = check_part(rows.proximal, n, "rows.proximal"); !valid) return valid;
   for (std::size_t j = 0; j < rows.proximal.size(); ++j) {
     if (rows.proximal[j] < 0.0) {
