@@ -7,8 +7,6 @@
 namespace marble {
 namespace {
 
-std::size_t size_of(Index a, Index b) { return static_cast<std::size_t>(a) * static_cast<std::size_t>(b); }
-
 // Writes a matrix column by column, and returns the end.
 double* put(double* to, const SmallLcp::ConstMap& matrix) {
   Eigen::Map<Eigen::MatrixXd>(to, matrix.rows(), matrix.cols()) = matrix;
@@ -45,11 +43,11 @@ LcsAssembly::LcsAssembly(const CheckedTask& task)
       width_(task.inputs + task.pairs + task.states) {
   problem_.name = "lcs";
   problem_.hessian_form = HessianForm::upper_triangle;
-  problem_.g.assign(size_of(stages_, width_), 0.0);
-  problem_.b.assign(size_of(stages_, states_), 0.0);
+  problem_.g.assign(product(stages_, width_), 0.0);
+  problem_.b.assign(product(stages_, states_), 0.0);
   problem_.d.clear();
-  problem_.l.assign(size_of(stages_, pairs_), 0.0);
-  problem_.r.assign(size_of(stages_, pairs_), 0.0);
+  problem_.l.assign(product(stages_, pairs_), 0.0);
+  problem_.r.assign(product(stages_, pairs_), 0.0);
   make_hessian(task);
   make_dynamics();
   make_bounds(task);
@@ -61,7 +59,7 @@ void LcsAssembly::make_hessian(const CheckedTask& task) {
   const bool changes = !task.R_change.empty();
   for (Index k = 0; k < stages_; ++k) {
     const Index u = k * width_, lam = u + inputs_, x = lam + pairs_;
-    const auto R = matrix_of(part_of(task.R, size_of(inputs_, inputs_), k), inputs_, inputs_);
+    const auto R = matrix_of(part_of(task.R, product(inputs_, inputs_), k), inputs_, inputs_);
     for (Index j = 0; j < inputs_; ++j) {
       const auto change = [&](Index i) {
         return changes ? task.R_change[static_cast<std::size_t>(i * inputs_ + j)] : 0.0;
@@ -76,7 +74,7 @@ void LcsAssembly::make_hessian(const CheckedTask& task) {
       columns.end();
     }
     const auto Q = k + 1 < stages_
-                       ? matrix_of(part_of(task.Q, size_of(states_, states_), k + 1), states_, states_)
+                       ? matrix_of(part_of(task.Q, product(states_, states_), k + 1), states_, states_)
                        : matrix_of(task.P, states_, states_);
     for (Index j = 0; j < states_; ++j) {
       for (Index i = 0; i <= j; ++i) columns.add(x + i, 2.0 * Q(i, j));
@@ -179,11 +177,11 @@ void LcsAssembly::set_costs(const CheckedTask& task, std::span<const double> x0,
   double constant = 0.0;
   const std::span<const double> x_refs = task.x_ref, u_refs = task.u_ref;
   for (Index k = 0; k <= stages_; ++k) {
-    const auto Q = k < stages_ ? matrix_of(part_of(task.Q, size_of(states_, states_), k), states_, states_)
+    const auto Q = k < stages_ ? matrix_of(part_of(task.Q, product(states_, states_), k), states_, states_)
                                : matrix_of(task.P, states_, states_);
     const auto x_ref = stage_of(x_refs, k, states_);
     if (k > 0) {
-      auto g = VectorMap(&problem_.g[size_of(k, width_) - static_cast<std::size_t>(states_)], states_);
+      auto g = VectorMap(&problem_.g[product(k, width_) - static_cast<std::size_t>(states_)], states_);
       g.noalias() = -2.0 * (Q * x_ref);
       constant -= 0.5 * g.dot(x_ref);
     } else {
@@ -191,9 +189,9 @@ void LcsAssembly::set_costs(const CheckedTask& task, std::span<const double> x0,
       constant += error.dot(Q * error);
     }
     if (k == stages_) break;
-    const auto R = matrix_of(part_of(task.R, size_of(inputs_, inputs_), k), inputs_, inputs_);
+    const auto R = matrix_of(part_of(task.R, product(inputs_, inputs_), k), inputs_, inputs_);
     const auto u_ref = stage_of(u_refs, k, inputs_);
-    auto g = VectorMap(&problem_.g[size_of(k, width_)], inputs_);
+    auto g = VectorMap(&problem_.g[product(k, width_)], inputs_);
     g.noalias() = -2.0 * (R * u_ref);
     constant -= 0.5 * g.dot(u_ref);
     if (k > 0 || task.R_change.empty()) continue;
@@ -215,19 +213,19 @@ void LcsAssembly::set_last_input(const CheckedTask& task, std::span<const double
 
 void LcsAssembly::split(std::span<const double> z, LcsTrajectory& trajectory) const {
   for (Index k = 0; k < stages_; ++k) {
-    const double* from = z.data() + size_of(k, width_);
-    std::copy_n(from, inputs_, trajectory.u.data() + size_of(k, inputs_));
-    std::copy_n(from + inputs_, pairs_, trajectory.lam.data() + size_of(k, pairs_));
-    std::copy_n(from + inputs_ + pairs_, states_, trajectory.x.data() + size_of(k + 1, states_));
+    const double* from = z.data() + product(k, width_);
+    std::copy_n(from, inputs_, trajectory.u.data() + product(k, inputs_));
+    std::copy_n(from + inputs_, pairs_, trajectory.lam.data() + product(k, pairs_));
+    std::copy_n(from + inputs_ + pairs_, states_, trajectory.x.data() + product(k + 1, states_));
   }
 }
 
 void LcsAssembly::join(const LcsTrajectory& trajectory, std::span<double> z) const {
   for (Index k = 0; k < stages_; ++k) {
-    double* to = z.data() + size_of(k, width_);
-    std::copy_n(trajectory.u.data() + size_of(k, inputs_), inputs_, to);
-    std::copy_n(trajectory.lam.data() + size_of(k, pairs_), pairs_, to + inputs_);
-    std::copy_n(trajectory.x.data() + size_of(k + 1, states_), states_, to + inputs_ + pairs_);
+    double* to = z.data() + product(k, width_);
+    std::copy_n(trajectory.u.data() + product(k, inputs_), inputs_, to);
+    std::copy_n(trajectory.lam.data() + product(k, pairs_), pairs_, to + inputs_);
+    std::copy_n(trajectory.x.data() + product(k + 1, states_), states_, to + inputs_ + pairs_);
   }
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <span>
 
 #include "lcs/small_lcp.h"
@@ -13,6 +14,10 @@ namespace marble {
 using ConstVectorMap = Eigen::Map<const Vector>;
 using VectorMap = Eigen::Map<Vector>;
 
+/// Returns the number of entries of an a × b matrix.
+[[nodiscard]] inline std::size_t product(Index a, Index b) {
+  return static_cast<std::size_t>(a) * static_cast<std::size_t>(b);
+}
 /// Views `size` numbers of stage `stage`.
 [[nodiscard]] inline ConstVectorMap stage_of(std::span<const double> values, Index stage, Index size) {
   return {values.data() + static_cast<std::ptrdiff_t>(stage) * size, size};

@@ -7,6 +7,7 @@
 
 #include "lcs/assembly.h"
 #include "lcs/check.h"
+#include "lcs/dense.h"
 #include "lcs/rollout.h"
 #include "lcs/task.h"
 #include "marble/lcs.h"
@@ -61,13 +62,10 @@ const char* to_string(PlanOrigin origin) {
 struct LcsPlanner::State {
   State(LCS system, CheckedTask checked, const Options& given)
       : lcs(std::move(system)), task(std::move(checked)), options(given), assembly(task) {
-    const auto count = [](Index a, Index b) {
-      return static_cast<std::size_t>(a) * static_cast<std::size_t>(b);
-    };
     for (Candidate* one : {&start, &solved, &repaired}) {
-      one->trajectory.x.assign(count(task.stages + 1, task.states), 0.0);
-      one->trajectory.u.assign(count(task.stages, task.inputs), 0.0);
-      one->trajectory.lam.assign(count(task.stages, task.pairs), 0.0);
+      one->trajectory.x.assign(product(task.stages + 1, task.states), 0.0);
+      one->trajectory.u.assign(product(task.stages, task.inputs), 0.0);
+      one->trajectory.lam.assign(product(task.stages, task.pairs), 0.0);
     }
     x0.assign(static_cast<std::size_t>(task.states), 0.0);
     last_u.assign(static_cast<std::size_t>(task.inputs), 0.0);

@@ -8,19 +8,11 @@
 namespace marble {
 namespace {
 
-const char* reason_of(SmallLcp::End end) {
-  switch (end) {
-    case SmallLcp::End::ray:
-      return "no lambda >= 0 complementary to E x + F lambda + H u + c >= 0 was found: Lemke's method ended "
-             "in "
-             "a ray";
-    case SmallLcp::End::pivot_limit:
-      return "no lambda >= 0 complementary to E x + F lambda + H u + c >= 0 was found: Lemke's method made "
-             "too "
-             "many pivots";
-    default:
-      return "the state or lambda overflows";
-  }
+std::string reason_of(SmallLcp::End end) {
+  if (end != SmallLcp::End::ray && end != SmallLcp::End::pivot_limit) return "the state or lambda overflows";
+  return std::string(
+             "no lambda >= 0 complementary to E x + F lambda + H u + c >= 0 was found: Lemke's method ") +
+         (end == SmallLcp::End::ray ? "ended in a ray" : "made too many pivots");
 }
 
 }  // namespace
@@ -44,8 +36,7 @@ Expected<void> Rollout::run(const LCS& lcs, LcsTrajectory& trajectory) {
     next.noalias() += stage.B * u;
     next.noalias() += stage.D * lam;
     if (end == SmallLcp::End::solved && next.allFinite()) continue;
-    Error error = failure(ErrorCode::failed_precondition, "stages",
-                          reason_of(end == SmallLcp::End::solved ? SmallLcp::End::not_finite : end));
+    Error error = failure(ErrorCode::failed_precondition, "stages", reason_of(end));
     error.index = k;
     return unexpected(error);
   }

@@ -15,8 +15,6 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-std::size_t product(Index a, Index b) { return static_cast<std::size_t>(a) * static_cast<std::size_t>(b); }
-
 // Checks numbers that are one vector or matrix for all stages, or one per stage.
 Expected<void> check_part(std::span<const double> values, std::size_t entries, Index stages,
                           const char* field) {

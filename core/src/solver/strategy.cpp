@@ -7,7 +7,6 @@
 
 #include "global/exchange_search.h"
 #include "global/implied_bounds.h"
-#include "global/interior_point.h"
 #include "horizon/segments.h"
 #include "model/text_of.h"
 #include "model/tuning.h"
