@@ -51,7 +51,7 @@ def make_contract(target):
 
 class BuildWithContract(build_py):
     def run(self):
-        for built in (pathlib.Path(self.build_lib) / "marble").rglob("*.py"):  # an earlier module may hide a present one
+        for built in (pathlib.Path(self.build_lib) / "marble").rglob("*.py"):  # an earlier module hides a present one
             if not (HERE / "src" / built.relative_to(self.build_lib)).is_file():
                 built.unlink()
         super().run()

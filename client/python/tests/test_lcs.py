@@ -278,7 +278,8 @@ def test_a_bad_step_is_named_and_changes_nothing():
     with Planner(cart_pole(), 5, **COSTS, server="local") as planner:
         plan = planner.step(START)
         for changes, words in [({"x0": START[:2]}, "x0 is 2 entries"), ({"x0": [0, 0, np.inf, 0]}, r"x0\[2\] is inf"),
-                               ({"x_ref": np.zeros((5, 4))}, "x_ref is of shape"), ({"u": np.zeros(5)}, "u is of shape"),
+                               ({"x_ref": np.zeros((5, 4))}, "x_ref is of shape"),
+                               ({"u": np.zeros(5)}, "u is of shape"),
                                ({"last_u": [1, 2]}, "last_u is 2 entries"), ({"shift": 7}, "shift is 6"),
                                ({"shift": 1.5}, "whole number"), ({"lcs": cart_pole(d=np.zeros((3, 4)))}, "lcs.stages"),
                                ({"lcs": LCS([[1]], [[1]], [[1]], [1], [[1]], [[1]], [[1]], [1])}, "lcs.states is 1")]:
@@ -294,7 +295,7 @@ def test_without_the_native_module_the_error_says_what_to_install(monkeypatch):
     in_process.core.cache_clear()
     monkeypatch.setattr(importlib, "import_module", missing)
     try:
-        with pytest.raises(Unavailable, match="marble.lcs needs marble._core.*also where a server solves"):
+        with pytest.raises(Unavailable, match=r"marble\.lcs needs marble\._core.*also where a server solves"):
             Planner(cart_pole(), 5, **COSTS)
         with pytest.raises(Unavailable, match=r"marble.lcs needs marble._core"):
             rollout(cart_pole(), START, np.zeros((2, 1)))

@@ -86,8 +86,8 @@ def native() -> Any:
     try:
         return core()
     except Unavailable as error:
-        raise Unavailable("marble.lcs needs marble._core for matrices and roll-outs, also where a server solves: install "
-                          f"a wheel of marble-solver, or build with pybind11 ({error.__context__})") from None
+        raise Unavailable("marble.lcs needs marble._core for matrices and roll-outs, also where a server solves: "
+                          f"install a wheel of marble-solver, or build with pybind11 ({error.__context__})") from None
 
 
 def rollout(lcs: LCS, x0: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
@@ -141,7 +141,8 @@ class Planner:
         self._check_stages(lcs, "stages")
         nx, nu = self.nx, self.nu
         task = {"stages": self.stages, "regularization": float(vector(regularization, "regularization", 1)[0]),
-                "Q": self._per_stage(Q, "Q", (nx, nx), self.stages), "R": self._per_stage(R, "R", (nu, nu), self.stages),
+                "Q": self._per_stage(Q, "Q", (nx, nx), self.stages),
+                "R": self._per_stage(R, "R", (nu, nu), self.stages),
                 "P": None if P is None else _shaped(P, "P", (nx, nx)),
                 "R_change": None if R_change is None else _shaped(R_change, "R_change", (nu, nu)),
                 **self._targets(x_ref, u_ref), "x_lb": _limits(x_lb, "x_lb", nx), "x_ub": _limits(x_ub, "x_ub", nx),
@@ -298,5 +299,6 @@ def _limits(values: ArrayLike | None, field: str, size: int) -> Array | None:
         return None
     array = numbers(values, field, "an array of numbers")
     if array.shape not in ((), (size,)):
-        raise InvalidArgument(field, f"must be one number, or have the shape ({size},)", value=f"of shape {array.shape}")
+        raise InvalidArgument(field, f"must be one number, or have the shape ({size},)",
+                              value=f"of shape {array.shape}")
     return np.ascontiguousarray(np.broadcast_to(array, (size,)))

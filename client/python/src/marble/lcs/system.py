@@ -62,8 +62,8 @@ class LCS:
         letters = ", ".join(FIELDS[field])
         per_stage = array.ndim == len(shape) + 1
         if array.shape != shape and not (per_stage and array.shape[1:] == shape and array.shape[0] > 0):
-            raise InvalidProblem(field, f"must have the shape {_text(shape)} ({letters}), or (N, {letters}) with one per "
-                                 "stage", value=f"of shape {_text(array.shape)}")
+            raise InvalidProblem(field, f"must have the shape {_text(shape)} ({letters}), or (N, {letters}) with one "
+                                 "per stage", value=f"of shape {_text(array.shape)}")
         if per_stage:
             if self.stages is not None and array.shape[0] != self.stages:
                 raise InvalidProblem(field, f"must have {self.stages} stages, as many as the fields before it",
@@ -97,8 +97,8 @@ class LCS:
 def _size(array: Array, field: str, axis: int, least: int = 1) -> int:
     shape = FIELDS[field]
     if array.ndim not in (len(shape), len(shape) + 1):
-        raise InvalidProblem(field, f"must have the shape ({', '.join(shape)}), or with one more axis in front, one per "
-                             "stage", value=f"of shape {_text(array.shape)}")
+        raise InvalidProblem(field, f"must have the shape ({', '.join(shape)}), or with one more axis in front, one "
+                             "per stage", value=f"of shape {_text(array.shape)}")
     size = int(array.shape[axis])
     if size < least:
         raise InvalidProblem(field, f"must have at least {least} columns ({shape[axis]})", value=f"{size} columns")
