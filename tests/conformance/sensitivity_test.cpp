@@ -194,7 +194,8 @@ TEST_F(SensitivityThere, MoreThanTheServersLimitsIsRefusedByNameAndBound) {
   const Asked more(problem_, 6);
   EXPECT_EQ(refused({.rows = more.request.rows}),
             "sensitivity.rows.E.rows = 6: must be at most 5 (sensitivity_rows)");
-  EXPECT_EQ(refused({.directions = {3, {}}, .losses = {2, {}}}),
+  const Values three(3 * problem_.b.size(), 1.0), two(2 * problem_.g.size(), 1.0);
+  EXPECT_EQ(refused({.directions = {3, {.b = three}}, .losses = {2, {.z = two}}}),
             "sensitivity.directions.count = 5: must be at most 4 (sensitivity_directions)");
 }
 

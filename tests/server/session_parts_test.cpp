@@ -131,7 +131,10 @@ TEST(SessionUpdate, ShiftsOfAnUpdateThatIsTakenAlongComeFirst) {
 
 v1::SessionUpdate asking_for_derivatives(int directions) {
   v1::SessionUpdate message = numbered(1);
-  message.mutable_sensitivity()->mutable_directions()->set_count(directions);
+  v1::DirectionsRequest& request = *message.mutable_sensitivity()->mutable_directions();
+  request.set_count(directions);
+  for (int k = 0; k < directions * static_cast<int>(kSizes.b); ++k)
+    request.mutable_numbers()->add_equality_offset(1.0);
   return message;
 }
 

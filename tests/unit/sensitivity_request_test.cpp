@@ -372,6 +372,10 @@ TEST(SensitivityRequest, WhatDoesNotFitIsAnErrorOfTheSolve) {
   EXPECT_EQ(refused({.directions = {2, {.g = short_one}}}),
             "sensitivity.directions.g = 2 entries: must have 24 entries");
   EXPECT_EQ(refused({.losses = {-1, {}}}), "sensitivity.losses.count = -1: must be >= 0");
+  EXPECT_EQ(refused({.losses = {1 << 30, {}}}),
+            "sensitivity.losses.count = 1073741824: must be at most 1, as none has numbers");
+  EXPECT_EQ(refused({.directions = {2, {}}}),
+            "sensitivity.directions.count = 2: must be at most 1, as none has numbers");
   EXPECT_EQ(refused({.losses = {1, {.z = short_one}}}),
             "sensitivity.losses.z = 2 entries: must have 12 entries");
 }

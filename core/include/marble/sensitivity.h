@@ -93,13 +93,13 @@ struct RowResponse {
 /// Directions for forward mode. Each part of `numbers` that is present has `count` times its size, one
 /// direction after the other. Absent parts are zero.
 struct DirectionsRequest {
-  Index count = 0;        ///< >= 0
+  Index count = 0;        ///< >= 0; at most 1 without numbers
   ProblemUpdate numbers;  ///< new numbers minus the old ones
 };
 
 /// Losses for adjoint mode. Each vector that is present has `count` times its size, one loss after the other.
 struct LossesRequest {
-  Index count = 0;        ///< >= 0
+  Index count = 0;        ///< >= 0; at most 1 without weights
   AnswerWeights weights;  ///< derivatives of each loss by the vectors of the solution
 };
 

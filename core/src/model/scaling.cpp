@@ -170,22 +170,8 @@ void multiply(ScaledProblem& p, const ScaleFactors& by) {
 
 double power_of_two(double factor) { return std::ldexp(1.0, std::ilogb(factor * std::sqrt(2.0))); }
 
-// Returns the power of two nearest to 1/√norm.
-Vector powers(const Vector& norms) {
-  return norms.unaryExpr([](double norm) { return power_of_two(root_inverse(norm)); });
-}
-
 void scale_cost_by_power(ScaledProblem& p) {
   multiply_cost(p, power_of_two(cost_scale(mean_size(p.Q), p.g)));
-}
-
-void equilibrate_by_powers(ScaledProblem& p, int passes) {
-  scale_cost_by_power(p);
-  for (int pass = 0; pass < passes; ++pass) {
-    const ScaledSizes sizes = measure(p);
-    multiply(p, {powers(sizes.variable), powers(sizes.equality), powers(sizes.row)});
-  }
-  scale_cost_by_power(p);
 }
 
 // From the factors of `p` to those that scale() would choose for its numbers, which are known to rounding.
@@ -300,15 +286,9 @@ bool refit_scaling(ScaledProblem& p, int passes, bool matrices_changed) {
   }
   if (!drifted && !drifted_alone) return false;
   p.sizes.gradient = gradient;
-  if (drifted) {
-    equilibrate_by_powers(p, passes);
-    p.sizes = measure(p);
-  }
-  // Many factors equilibrate a problem equally well. Those that extreme numbers led to hide that these are
-  // gone.
-  if (!have_hidden_curvature(p.sizes)) return drifted;
+  if (!drifted && !have_hidden_curvature(p.sizes)) return false;
   const ScaleFactors by = powers_to_new_factors(p, passes);
-  if (!hide_curvature(p, by)) return drifted;
+  if (!drifted && !hide_curvature(p, by)) return false;
   multiply(p, by);
   scale_cost_by_power(p);  // beyond tuning::scale_range
   p.sizes = measure(p);

@@ -33,9 +33,24 @@ Expected<void> check_rows(const RowsRequest& rows, std::size_t n) {
   return check_part(rows.g, n, "rows.g");
 }
 
-Expected<void> check_count(Index count, const char* field) {
-  if (count >= 0) return {};
-  return unexpected(invalid(field, std::to_string(count), "must be >= 0"));
+// Numbers bound the count: each part that is present has `count` times its size.
+Expected<void> check_count(Index count, bool have_numbers, const char* field) {
+  if (count < 0) return unexpected(invalid(field, std::to_string(count), "must be >= 0"));
+  if (count <= 1 || have_numbers) return {};
+  return unexpected(invalid(field, std::to_string(count), "must be at most 1, as none has numbers"));
+}
+
+bool have_numbers(const ProblemUpdate& numbers) {
+  bool any = false;
+#define MARBLE_VECTOR(letter, field) any |= !numbers.letter.empty();
+#define MARBLE_MATRIX(letter, field, values, vector) any |= !numbers.letter.empty();
+#include "marble/contract.def"
+  return any;
+}
+
+bool have_numbers(const AnswerWeights& w) {
+  return !(w.z.empty() && w.equality_multipliers.empty() && w.inequality_multipliers.empty() &&
+           w.complementarity_multipliers_L.empty() && w.complementarity_multipliers_R.empty());
 }
 
 PartSizes times(Index count, PartSizes sizes) {
@@ -78,11 +93,11 @@ Expected<void> check(const SensitivityRequest& request, const PartSizes& sizes) 
     if (auto valid = check_rows(*request.rows, sizes.g); !valid) return valid;
   }
   const auto& [directions, numbers] = request.directions;
-  if (auto valid = check_count(directions, "directions.count"); !valid) return valid;
+  if (auto valid = check_count(directions, have_numbers(numbers), "directions.count"); !valid) return valid;
   if (auto valid = times(directions, sizes).check(numbers); !valid)
     return unexpected(inside("directions", valid.error()));
   const auto& [losses, weights] = request.losses;
-  if (auto valid = check_count(losses, "losses.count"); !valid) return valid;
+  if (auto valid = check_count(losses, have_numbers(weights), "losses.count"); !valid) return valid;
   if (auto valid = check(weights, times(losses, sizes)); !valid)
     return unexpected(inside("losses", valid.error()));
   return {};

@@ -97,6 +97,13 @@ struct Rows {
   std::vector<double> value, size;
 };
 
+// The largest size, at least 1.
+double largest(const std::vector<double>& values) {
+  double size = 1.0;
+  for (const double value : values) size = std::max(size, std::abs(value));
+  return size;
+}
+
 struct Answer {
   Answer(const ProblemView& p, const Solution& reported)
       : x(reported),
@@ -113,12 +120,13 @@ bool within(double violation, double tolerance, double size) {
   return violation <= tolerance * (1.0 + 1e-9) + kRounding * size;
 }
 
-void expect_feasible(const Answer& a, const Options& options) {
+// `agreement`: of what blocks have in common, relative to the largest.
+void expect_feasible(const Answer& a, const Options& options, double agreement) {
   const double loose = a.x.status == Status::solved ? 1.0 : 100.0;
-  for (std::size_t i = 0; i < a.equalities.value.size(); ++i) {
-    FUZZ_JUDGE(
-        within(std::abs(a.equalities.value[i]), loose * options.equality_tolerance, a.equalities.size[i]));
-  }
+  const double equality_tolerance =
+      loose * (options.equality_tolerance + agreement * largest(a.equalities.size));
+  for (std::size_t i = 0; i < a.equalities.value.size(); ++i)
+    FUZZ_JUDGE(within(std::abs(a.equalities.value[i]), equality_tolerance, a.equalities.size[i]));
   for (std::size_t i = 0; i < a.inequalities.value.size(); ++i) {
     FUZZ_JUDGE(
         within(-a.inequalities.value[i], loose * options.inequality_tolerance, a.inequalities.size[i]));
@@ -160,12 +168,18 @@ void expect_reported(const ProblemView& p, const Answer& a, const testing::Verdi
 }
 
 double largest(const Solution& x) {
-  double size = 1.0;
-  for (const auto* part : {&x.equality_multipliers, &x.inequality_multipliers,
-                           &x.complementarity_multipliers_L, &x.complementarity_multipliers_R}) {
-    for (const double y : *part) size = std::max(size, std::abs(y));
+  return std::max({largest(x.equality_multipliers), largest(x.inequality_multipliers),
+                   largest(x.complementarity_multipliers_L), largest(x.complementarity_multipliers_R)});
+}
+
+// A multiplier may be off by what the point's stationarity may, and so its product with the row by the row
+// times that.
+void expect_slack(const std::vector<double>& rows, const std::vector<double>& multipliers, double size,
+                  double loose) {
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    FUZZ_JUDGE_AT_MOST(std::abs(rows[i] * multipliers[i]) / (1.0 + size),
+                       loose * std::max(1.0, std::abs(rows[i])));
   }
-  return size;
 }
 
 void expect_stationary(const Answer& a, const Options& options, const testing::Verdict& verdict) {
@@ -177,7 +191,10 @@ void expect_stationary(const Answer& a, const Options& options, const testing::V
   FUZZ_JUDGE_AT_MOST(verdict.stationarity, std::max(kRelative, 10.0 * loose));
   FUZZ_JUDGE_AT_MOST(verdict.wrong_sign, std::max(kRelative, loose) * size);
   if (!options.polish || options.path == Path::algorithm1) return;
-  FUZZ_JUDGE_AT_MOST(verdict.slackness, std::max(kRelative, 10.0 * loose));
+  const double slack = std::max(kRelative, 10.0 * loose);
+  expect_slack(a.inequalities.value, a.x.inequality_multipliers, size, slack);
+  expect_slack(a.left.value, a.x.complementarity_multipliers_L, size, slack);
+  expect_slack(a.right.value, a.x.complementarity_multipliers_R, size, slack);
   for (std::size_t i = 0; i < a.left.value.size(); ++i) {
     const double xi = a.x.complementarity_multipliers_L[i], eta = a.x.complementarity_multipliers_R[i];
     if (a.left.value[i] > 1e-7 || a.right.value[i] > 1e-7) continue;
@@ -289,7 +306,8 @@ bool is_friendly(const ProblemView& p) {
   return true;
 }
 
-void judge_answer(const ProblemView& p, const Options& options, const v1::Solution& reported) {
+void judge_answer(const ProblemView& p, const Options& options, const v1::Solution& reported,
+                  double agreement) {
   const Solution x = solution_of(reported);
   if (std::getenv("MARBLE_FUZZ_PRINT") != nullptr) std::fputs(reported.DebugString().c_str(), stderr);
   ++tally().answers;
@@ -303,7 +321,7 @@ void judge_answer(const ProblemView& p, const Options& options, const v1::Soluti
   const Answer answer(p, x);
   const testing::Verdict verdict = testing::judge(p, x);
   expect_reported(p, answer, verdict);
-  if (is_solved(x.status)) expect_feasible(answer, options);
+  if (is_solved(x.status)) expect_feasible(answer, options, agreement);
   if (x.status == Status::solved && std::isfinite(verdict.stationarity))
     FUZZ_JUDGE_AT_MOST(verdict.stationarity, kFirstDigit * (1.0 + kRounding));
   const bool friendly = is_friendly(p);
@@ -337,12 +355,14 @@ void judge_request(const v1::SolveRequest& request, const Options& options, cons
   } else if (request.coupled().blocks_size() > 0) {
     const OwnedProblem joint = joint_problem(coupled_of(request.coupled()));
     Options loose = options;
+    double agreement = 0.0;
     if (request.coupled().has_joint() && !request.coupled().joint()) {  // rows hold as blocks agree
+      agreement = 1e3 * (request.coupled().has_tolerance() ? request.coupled().tolerance() : 1e-9);
       loose.polish = false;
       for (double* tolerance : {&loose.equality_tolerance, &loose.stationarity_tolerance})
-        *tolerance = std::max({*tolerance, 1e-3, 1e3 * request.coupled().tolerance()});
+        *tolerance = std::max({*tolerance, 1e-3, agreement});
     }
-    judge_answer(joint.view(), loose, answer);
+    judge_answer(joint.view(), loose, answer, agreement);
   } else {
     judge_answer(view_of(request.problem()), options, answer);
     if (request.has_sensitivity())

@@ -20,8 +20,9 @@ void expect_sound(const v1::Solution& answer);
 /// Sizes, and what is claimed of z and the multipliers: feasible, complementary, stationary on its branch,
 /// the reported violations and objective, certificates; of small problems also the global optimum,
 /// by enumeration. Of hostile data only the first digit of the stationarity is judged: more is a matter of
-/// scale.
-void judge_answer(const ProblemView& problem, const Options& options, const v1::Solution& answer);
+/// scale. Equality rows hold to the options' tolerance, and to `agreement` relative to the largest term.
+void judge_answer(const ProblemView& problem, const Options& options, const v1::Solution& answer,
+                  double agreement = 0.0);
 
 /// Derivatives, by the branch's own system.
 void judge_derivatives(const ProblemView& problem, const v1::SensitivityRequest& request,

@@ -143,6 +143,35 @@ TEST(SessionScaling, FollowsNumbersThatReturn) {
   }
 }
 
+// A session met a gradient of 1e154 or 1e200. Afterwards it ended problems that are unbounded
+// "almost_solved", with a third of the gradient left, and refuted others by rows that its factors had made
+// huge.
+TEST(SessionScaling, ExtremeNumbersThatWentLeaveNoTrace) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const OwnedProblem p = testing::random_problem({}, seed);
+    const ScaledProblem fresh = scale(Problem::create(p.view()).value(), 10);
+    for (const double size : {1e20, 1e154, 1e200}) {
+      std::vector<double> g = p.g, A = p.A.values, R = p.R.values;
+      g[0] = -size, A[0] = size, R[0] = size;
+      for (const ProblemUpdate& extreme : {ProblemUpdate{.g = g}, {.A = A}, {.R = R}}) {
+        ScaledProblem scaled = fresh;
+        bool changed = rescale(extreme, scaled);
+        ASSERT_TRUE(refit_scaling(scaled, 10, changed));
+        changed = rescale({.g = p.g, .A = p.A.values, .R = p.R.values}, scaled);
+        ASSERT_TRUE(refit_scaling(scaled, 10, changed));
+        const auto expect_near = [&](const Vector& factors, const Vector& expected) {
+          EXPECT_LE(factors.cwiseQuotient(expected).maxCoeff(), 2.0) << seed << " " << size;
+          EXPECT_GE(factors.cwiseQuotient(expected).minCoeff(), 0.5) << seed << " " << size;
+        };
+        expect_near(scaled.variable_scale, fresh.variable_scale);
+        expect_near(scaled.equality_scale, fresh.equality_scale);
+        expect_near(scaled.row_scale, fresh.row_scale);
+        expect_near(Vector::Constant(1, scaled.cost_scale), Vector::Constant(1, fresh.cost_scale));
+      }
+    }
+  }
+}
+
 // By powers of two: the same numbers in the old pattern are the same scaled numbers still.
 TEST(SessionScaling, LosesNoBit) {
   OwnedProblem p = testing::random_problem({}, 2);
