@@ -248,6 +248,21 @@ void BranchSearch::prepare(Run& run, const Iterate& solution) {
   point_.factor_ahead(run, tuning::exact_rho, tuning::exact_delta);
 }
 
+bool BranchSearch::take_branch_of(Run& run, const Iterate& solution) {
+  const Run::Polishing polishing(run);
+  point_.start_from_solution(solution);
+  return incumbent_.solve_branch(run, "warm start", tuning::warm_tiny_change) == Incumbent::Outcome::kept;
+}
+
+void BranchSearch::search_near(Run& run) {
+  if (options_.max_local_search_factorizations == 0 || pulling(incumbent_) == 0) return;
+  const Run::Polishing polishing(run);
+  const int last = run.factorizations + options_.max_local_search_factorizations;
+  point_.restore(incumbent_.best().x, incumbent_.best().set);
+  if (search_.run(run, near_exact(tuning::search_patience), last) && search_.accepted() > 0)
+    static_cast<void>(incumbent_.solve_branch(run, "warm start, local search", tuning::engine_budget));
+}
+
 // A branch that stays feasible after a small change is near the best one. Otherwise feasibility is restored
 // near it. A cold start follows if that fails, or if the solution is clearly worse than that of the last cold
 // start.

@@ -72,6 +72,11 @@ class BranchSearch {
     Stage stage = Stage::beginning;
     return start_from(run, solution, reference_objective, stage);
   }
+  /// Solves the branch of a solution of a similar problem, if that is a small change. Returns true if its
+  /// solution is kept.
+  [[nodiscard]] bool take_branch_of(Run& run, const Iterate& solution);
+  /// Searches for better branches near the incumbent.
+  void search_near(Run& run);
   /// Prepares start_from() of the same solution, before the last numbers of the problem are set.
   void prepare(Run& run, const Iterate& solution);
 

@@ -1,4 +1,5 @@
 // The strategy's guarantee for a feasible start: no solution is infeasible, or above the start.
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -11,37 +12,94 @@
 
 namespace marble {
 
-// Solves the branch of a feasible start before anything else, so that there is a solution however the run
-// ends.
-void Strategy::solve_start(Run& run, ConstVectorRef z) {
-  if (problem_.pairs() == 0 || !options_.polish || options_.path != Path::fast) return;
-  const bool ended = run.interrupted().has_value();
-  const Run::Searching searching(run);
-  const Run::Polishing polishing(run);
+// Takes z as the start if it is feasible.
+bool Strategy::take_start(ConstVectorRef z) {
+  if (problem_.pairs() == 0 || !options_.polish || options_.path != Path::fast) return false;
   BranchPoint& point = branch_.point;
   point.set = WorkingSet(problem_);
   point.start_from_point(z);
   const Violations at_start = violations(problem_, point.images);
-  if (!within_tolerances(at_start, options_)) return;
+  if (!within_tolerances(at_start, options_)) return false;
   start_.emplace(problem_);
   start_->x.all = point.x.all;
   start_->set = point.set;
   start_->objective = point.images.objective;
   start_->violations = at_start;
   start_->origin = "start";
-  incumbent_.clear();
   start_is_exact_ = false;
-  if (ended) return;
-  if (incumbent_.solve_branch(run, "start", tuning::engine_budget) != Incumbent::Outcome::kept) {
+  return true;
+}
+
+// Replaces the start by the exact solution of its branch, if it has one.
+void Strategy::solve_branch_of_start(Run& run) {
+  using Outcome = Incumbent::Outcome;
+  const Run::Searching searching(run);
+  const Run::Polishing polishing(run);
+  branch_.point.restore(start_->x, start_->set);
+  Outcome outcome = incumbent_.solve_branch(run, "start", tuning::engine_budget);
+  if (outcome == Outcome::not_exact && !incumbent_.exists() && DenseSearch::fits(problem_)) {
+    DenseSearch(problem_, incumbent_).solve_branch(run, start_->set);
+    if (incumbent_.exists()) outcome = Outcome::kept;
+  }
+  if (outcome == Outcome::not_exact) {
     QuadraticEngine engine(problem_, kkt_);
     engine.start(start_->x.z(), start_->set);
-    static_cast<void>(incumbent_.solve_branch(run, engine));
+    if (incumbent_.solve_branch(run, engine)) outcome = Outcome::kept;
   }
-  if (!incumbent_.exists() && DenseSearch::fits(problem_))
-    DenseSearch(problem_, incumbent_).solve_branch(run, start_->set);
-  start_is_exact_ = incumbent_.exists() && incumbent_.best().objective <= start_->objective;
-  if (start_is_exact_) *start_ = incumbent_.best();
+  if (outcome == Outcome::not_exact) return;
+  const ExactSolution& exact = outcome == Outcome::kept ? incumbent_.best() : incumbent_.other();
+  if (exact.objective > start_->objective + loss_to_violations(exact) + noise_of_start()) return;
+  start_is_exact_ = true;
+  *start_ = exact;
+}
+
+// The exact solution x of a convex branch is above a point z that violates its rows by no more than
+// f(x) − f(z) ≤ −∇f(x)ᵀ(z − x) ≤ Σ |multiplier · violation|.
+double Strategy::loss_to_violations(const ExactSolution& exact) const {
+  Images at_start(problem_);
+  at_start.evaluate(problem_, start_->x);
+  double loss = at_start.equality.cwiseAbs().dot(exact.x.y().cwiseAbs());
+  for (Index row = 0; row < problem_.layout.size(); ++row) {
+    const double value = at_start.rows.all[row];
+    loss +=
+        std::abs(exact.x.lambda()[row]) * (exact.set.is_fixed(row) ? std::abs(value) : std::max(0.0, -value));
+  }
+  return loss;
+}
+
+double Strategy::noise_of_start() const { return tuning::exactness * (1.0 + std::abs(start_->objective)); }
+
+// Solves the branch of a feasible start before anything else, so that there is a solution however the run
+// ends.
+void Strategy::solve_start(Run& run, ConstVectorRef z) {
+  if (!take_start(z)) return;
+  incumbent_.clear();
+  if (run.interrupted()) return;
+  solve_branch_of_start(run);
   run.add_incumbent(problem_.user_objective(start_->objective));
+}
+
+// A step of a sequence with a feasible start, such as a roll-out, needs no cold start: the branch of the last
+// solution or that of the start has a solution that is not above the start, and a better one may be a few
+// switches away. Returns nothing if neither branch has an exact solution.
+std::optional<Strategy::Answer> Strategy::step_from_start(Run& run, ConstVectorRef z,
+                                                          const WarmStart& warm_start) {
+  if (!take_start(z)) return std::nullopt;
+  incumbent_.clear();
+  search_.begin(z);
+  const auto is_found = [this] {
+    return incumbent_.exists() && incumbent_.best().objective <= start_->objective + noise_of_start();
+  };
+  const bool small_change = search_.take_branch_of(run, *warm_start.solution) && is_found();
+  if (!small_change) {
+    if (run.interrupted()) return std::nullopt;
+    solve_branch_of_start(run);
+    if (!is_found()) return std::nullopt;
+    search_.search_near(run);
+  }
+  Answer answer = finish_exact(run, run.factorizations + tuning::warm_small_change);
+  answer.stayed_warm = true;
+  return answer;
 }
 
 // If the start's branch is lower than the solution found, searches around it and returns the result.
@@ -51,11 +109,8 @@ Strategy::Answer Strategy::not_above_start(Run& run, Answer answer, ConstVectorR
   Images images(problem_);
   images.evaluate(problem_, *answer.x);
   const bool feasible = within_tolerances(violations(problem_, images), options_);
-  // The start's branch, solved again from elsewhere, has the same objective up to exactness.
-  const double noise =
-      (start_is_exact_ ? tuning::exactness : tuning::rounding) * (1.0 + std::abs(start_->objective));
   const bool ended = is_solved(status) || ended_by_force(status);
-  if (ended && feasible && images.objective <= start_->objective + noise) return answer;
+  if (ended && feasible && images.objective <= start_->objective + noise_of_start()) return answer;
   if (ended_by_force(status))
     return {{status, "stopped early; the start's branch; " + describe(start_->violations), {}}, &start_->x};
   incumbent_.clear();

@@ -1,5 +1,6 @@
 #include "solver/optimality.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -23,11 +24,11 @@ Optimality::Optimality(const ScaledProblem& problem, Kkt& kkt, const Options& op
       branch_(problem),
       images_(problem) {}
 
-Optimality::Verdict Optimality::judge(Run& run) {
+Optimality::Verdict Optimality::judge(Run& run, int last_factorization) {
   Verdict verdict;
   for (int escapes = 0;; ++escapes) {
     ray_.reset();
-    verdict.b_stationary = decide_b_stationarity(run);
+    verdict.b_stationary = decide_b_stationarity(run, last_factorization);
     if (ray_) {
       verdict.unbounded = std::exchange(ray_, {});
       return verdict;
@@ -58,7 +59,7 @@ Optimality::Descended Optimality::descend(Run& run, const Iterate& x, const Work
 
 // Strongly stationary points are B-stationary. For other points with few biactive pairs, each branch is
 // solved.
-std::optional<bool> Optimality::decide_b_stationarity(Run& run) {
+std::optional<bool> Optimality::decide_b_stationarity(Run& run, int last_factorization) {
   const auto is_strong = [this] {
     images_.evaluate(problem_, incumbent_.best().x);
     return classify(images_, incumbent_.best().x) == Stationarity::strong;
@@ -70,7 +71,7 @@ std::optional<bool> Optimality::decide_b_stationarity(Run& run) {
   bool all = false;
   for (int better = 0; better < tuning::escapes && !all; ++better) {
     const double before = incumbent_.best().objective;
-    all = solves_its_branches(run, biactive);
+    all = solves_its_branches(run, biactive, last_factorization);
     if (ray_) return std::nullopt;
     if (incumbent_.best().objective >= before || run.interrupted()) break;
   }
@@ -81,7 +82,7 @@ std::optional<bool> Optimality::decide_b_stationarity(Run& run) {
 
 // True if no branch that meets in the point has a better solution; otherwise moves to it, or finds that the
 // branch is unbounded.
-bool Optimality::solves_its_branches(Run& run, std::span<const Index> biactive) {
+bool Optimality::solves_its_branches(Run& run, std::span<const Index> biactive, int last_factorization) {
   base_ = incumbent_.best().set;
   const double objective = incumbent_.best().objective;
   bool decided = true;
@@ -90,11 +91,12 @@ bool Optimality::solves_its_branches(Run& run, std::span<const Index> biactive) 
     for (std::size_t k = 0; k < biactive.size(); ++k) {
       if ((branch >> k & 1U) != 0) branch_.switch_pair(biactive[k]);
     }
+    const int budget = std::min(tuning::engine_budget, last_factorization - run.factorizations);
+    if (budget <= 0) return false;
     point_.restore(incumbent_.best().x, branch_);
-    const Incumbent::Outcome outcome =
-        incumbent_.solve_branch(run, "neighbouring branch", tuning::engine_budget);
+    const Incumbent::Outcome outcome = incumbent_.solve_branch(run, "neighbouring branch", budget);
     const Iterate& x = incumbent_.best().x;
-    if (outcome == Incumbent::Outcome::not_exact)
+    if (outcome == Incumbent::Outcome::not_exact && run.factorizations < last_factorization)
       ray_ = prove_branch_unbounded(problem_, options_, branch_, run);
     if (ray_) return false;
     if (incumbent_.best().objective < objective - tuning::exactness * (1.0 + std::abs(objective)))

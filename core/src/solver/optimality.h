@@ -2,6 +2,7 @@
 // curvature makes it a local minimum. If not, the search moves on to a better solution.
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <span>
 
@@ -24,8 +25,9 @@ class Optimality {
     SecondOrder second_order = SecondOrder::unknown;
     std::optional<UnboundedRay> unbounded;  ///< found on the way to a better solution
   };
-  /// Judges the incumbent, and may replace it.
-  [[nodiscard]] Verdict judge(Run& run);
+  /// Judges the incumbent, and may replace it. Up to that count of factorizations, it solves branches that
+  /// decide B-stationarity.
+  [[nodiscard]] Verdict judge(Run& run, int last_factorization = std::numeric_limits<int>::max());
   /// Searches the tangent cone of an incumbent whose B-stationarity judge() has not decided. Returns true if
   /// it is B-stationary, false if a better solution has replaced it, and nothing if that is not decided.
   [[nodiscard]] std::optional<bool> search_tangent_cone(Run& run);
@@ -46,8 +48,8 @@ class Optimality {
   void forget_convexity() { convexity_.forget(); }
 
  private:
-  [[nodiscard]] std::optional<bool> decide_b_stationarity(Run& run);
-  [[nodiscard]] bool solves_its_branches(Run& run, std::span<const Index> biactive);
+  [[nodiscard]] std::optional<bool> decide_b_stationarity(Run& run, int last_factorization);
+  [[nodiscard]] bool solves_its_branches(Run& run, std::span<const Index> biactive, int last_factorization);
   [[nodiscard]] CriticalCurvature decide_second_order(Run& run);
 
   const ScaledProblem& problem_;

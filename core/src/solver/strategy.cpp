@@ -33,8 +33,11 @@ Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z, const std::op
   if (options_.method != Method::marble)
     return run_reference(run, warm_start ? ConstVectorRef(warm_start->solution->z()) : initial_z);
   start_.reset();
-  if (how.keeps_start) solve_start(run, initial_z);
-  Answer local = run_locally(run, initial_z, warm_start, how.resumes ? last : Stage::beginning);
+  std::optional<Answer> step;
+  if (how.keeps_start && warm_start) step = step_from_start(run, initial_z, *warm_start);
+  if (how.keeps_start && !start_) solve_start(run, initial_z);
+  Answer local = step ? *std::move(step)
+                      : run_locally(run, initial_z, warm_start, how.resumes ? last : Stage::beginning);
   if (start_) local = not_above_start(run, std::move(local), initial_z, warm_start.has_value());
   const bool goes_on =
       how.resumes && ended_by_force(local.ending.status);  // the caller still has the warm start
@@ -177,11 +180,12 @@ void Strategy::bring_near(Run& run) {
 }
 
 // The text is made only here: the end of an engine need not be the end of the run.
-Strategy::Answer Strategy::finish_exact(Run& run) {
+// Up to that count, branches are tried to decide B-stationarity.
+Strategy::Answer Strategy::finish_exact(Run& run, int last_factorization) {
   const Run::Searching searching(run);
   show_incumbent(run);
   const Run::Polishing polishing(run);
-  Optimality::Verdict verdict = optimality_.judge(run);
+  Optimality::Verdict verdict = optimality_.judge(run, last_factorization);
   if (verdict.unbounded) return {unbounded_along(*std::move(verdict.unbounded)), &path_point_.x};
   const ExactSolution& best = incumbent_.best();
   std::string detail;

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <memory>
 #include <optional>
 
@@ -109,7 +110,13 @@ class Strategy {
   [[nodiscard]] bool incumbent_is_loose() const;
   [[nodiscard]] std::optional<Answer> search_densely(Run& run, const Answer& answer);
   [[nodiscard]] std::optional<Answer> solve_branch_densely(Run& run, const Answer& answer);
+  [[nodiscard]] bool take_start(ConstVectorRef z);
+  void solve_branch_of_start(Run& run);
+  [[nodiscard]] double loss_to_violations(const ExactSolution& exact) const;
+  [[nodiscard]] double noise_of_start() const;
   void solve_start(Run& run, ConstVectorRef z);
+  [[nodiscard]] std::optional<Answer> step_from_start(Run& run, ConstVectorRef z,
+                                                      const WarmStart& warm_start);
   [[nodiscard]] bool start_in_segments(Run& run, PathBranch branch);
   [[nodiscard]] Answer not_above_start(Run& run, Answer answer, ConstVectorRef z, bool warm);
   struct Judged {
@@ -158,7 +165,7 @@ class Strategy {
   [[nodiscard]] std::optional<Ending> follow_path(Run& run, double kappa_end);
   [[nodiscard]] PathBranch solve_path_branch(Run& run, bool exchanges_pairs);
   [[nodiscard]] bool path_is_lower(bool feasible, double objective) const;
-  [[nodiscard]] Answer finish_exact(Run& run);
+  [[nodiscard]] Answer finish_exact(Run& run, int last_factorization = std::numeric_limits<int>::max());
   [[nodiscard]] Answer finish_exact_cold(Run& run);
   void bring_near(Run& run);
   void show_incumbent(const Run& run) const;
