@@ -254,13 +254,18 @@ bool BranchSearch::take_branch_of(Run& run, const Iterate& solution) {
   return incumbent_.solve_branch(run, "warm start", tuning::warm_tiny_change) == Incumbent::Outcome::kept;
 }
 
-void BranchSearch::search_near(Run& run) {
+// Without the soft start, a box at rest stays at rest: its plan is a local optimum, and few switches away
+// from it all plans are worse.
+void BranchSearch::search_near(Run& run, ConstVectorRef initial_z) {
   if (options_.max_local_search_factorizations == 0 || pulling(incumbent_) == 0) return;
   const Run::Polishing polishing(run);
   const int last = run.factorizations + options_.max_local_search_factorizations;
   point_.restore(incumbent_.best().x, incumbent_.best().set);
   if (search_.run(run, near_exact(tuning::search_patience), last) && search_.accepted() > 0)
     static_cast<void>(incumbent_.solve_branch(run, "warm start, local search", tuning::engine_budget));
+  if (pulling(incumbent_) < tuning::many_pulling) return;
+  from_soft_start(run, initial_z, std::min(last, run.factorizations + tuning::engine_budget), false,
+                  incumbent_.best().objective);
 }
 
 // A branch that stays feasible after a small change is near the best one. Otherwise feasibility is restored

@@ -75,8 +75,8 @@ class BranchSearch {
   /// Solves the branch of a solution of a similar problem, if that is a small change. Returns true if its
   /// solution is kept.
   [[nodiscard]] bool take_branch_of(Run& run, const Iterate& solution);
-  /// Searches for better branches near the incumbent.
-  void search_near(Run& run);
+  /// Searches for better branches near the incumbent and, if many of its pairs pull, from a soft start.
+  void search_near(Run& run, ConstVectorRef initial_z);
   /// Prepares start_from() of the same solution, before the last numbers of the problem are set.
   void prepare(Run& run, const Iterate& solution);
 

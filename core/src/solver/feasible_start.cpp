@@ -95,7 +95,7 @@ std::optional<Strategy::Answer> Strategy::step_from_start(Run& run, ConstVectorR
     if (run.interrupted()) return std::nullopt;
     solve_branch_of_start(run);
     if (!is_found()) return std::nullopt;
-    search_.search_near(run);
+    search_.search_near(run, z);
   }
   Answer answer = finish_exact(run, run.factorizations + tuning::warm_small_change);
   answer.stayed_warm = true;
