@@ -3,10 +3,13 @@
     x₊ = A x + B u + D λ + d,   0 ≤ λ ⊥ E x + F λ + H u + c ≥ 0
 """
 
+from marble.lcs.controller import Controller, ControlStep, StateLinearizer
 from marble.lcs.dispatch import linearize, linearizer
 from marble.lcs.linearization import ContactPair, Linearization
 from marble.lcs.planner import Plan, Planner, PlanOrigin, PlanTimes, rollout
+from marble.lcs.statistics import ControlStatistics
 from marble.lcs.system import LCS
+from marble.lcs.task import Task
 
-__all__ = ["ContactPair", "LCS", "Linearization", "Plan", "PlanOrigin", "PlanTimes", "Planner", "linearize",
-           "linearizer", "rollout"]
+__all__ = ["ContactPair", "ControlStatistics", "ControlStep", "Controller", "LCS", "Linearization", "Plan",
+           "PlanOrigin", "PlanTimes", "Planner", "StateLinearizer", "Task", "linearize", "linearizer", "rollout"]

@@ -110,6 +110,24 @@ class Linearizer:
                              np.array(plant.GetEffortLowerLimits()), np.array(plant.GetEffortUpperLimits()),
                              self._difference, self._integrate)
 
+    def at(self, context: Any, q: ArrayLike, v: ArrayLike, u: ArrayLike | None = None) -> Linearization:
+        """The linearization at a configuration q (nq,) and a velocity v (nv,), with all else as in the plant's context.
+
+        The context is changed meanwhile, and has its own state again afterwards.
+        """
+        plant = self._plant
+        state = np.concatenate([vector(q, "q", plant.num_positions()), vector(v, "v", plant.num_velocities())])
+        own = np.concatenate(self._read(context))
+        plant.SetPositionsAndVelocities(context, state)
+        try:
+            return self(context, u)
+        finally:
+            plant.SetPositionsAndVelocities(context, own)
+
+    def measure(self, context: Any) -> tuple[Array, Array]:
+        """The configuration (nq,) and the velocity (nv,) of the plant's context."""
+        return self._read(context)
+
     def _ordered(self) -> list[Any]:
         return sorted((joint for joint in self._joints if joint.num_velocities()),
                       key=lambda one: int(one.velocity_start()))

@@ -94,8 +94,26 @@ class Linearizer:
 
     def __call__(self, data: Any, u: ArrayLike | None = None) -> Linearization:
         """The linearization at the state of data. u (nu,): the inputs there; data.ctrl without it."""
+        self._read(data, u)
+        return self._linearization()
+
+    def at(self, data: Any, q: ArrayLike, v: ArrayLike, u: ArrayLike | None = None) -> Linearization:
+        """The linearization at a configuration q (nq,) and a velocity v (nv,), with all else as in data."""
         m, d = self._model, self._data
         self._read(data, u)
+        d.qpos[:], d.qvel[:] = vector(q, "q", m.nq), vector(v, "v", m.nv)
+        mj.mj_normalizeQuat(m, d.qpos)
+        return self._linearization()
+
+    def measure(self, data: Any) -> tuple[Array, Array]:
+        """The configuration (nq,), with quaternions of length 1, and the velocity (nv,) of data."""
+        self._check_data(data)
+        q = data.qpos.copy()
+        mj.mj_normalizeQuat(self._model, q)
+        return q, data.qvel.copy()
+
+    def _linearization(self) -> Linearization:
+        m, d = self._model, self._data
         q, v, ctrl = d.qpos.copy(), d.qvel.copy(), d.ctrl.copy()
         smooth, contacts, gaps = self._smooth(q, v, ctrl)
         lcs = self._settings.system(smooth, contacts, self._states, self._inputs, self._labels)
@@ -110,8 +128,8 @@ class Linearizer:
         m.actuator_forcelimited[:] = 0
         m.jnt_actfrclimited[:] = 0
 
-    def _read(self, data: Any, u: ArrayLike | None) -> None:
-        m, d = self._model, self._data
+    def _check_data(self, data: Any) -> None:
+        m = self._model
         if not isinstance(data, mj.MjData):
             raise InvalidArgument("data", "must be a mujoco.MjData", value=type(data).__name__)
         for field, size in (("qpos", m.nq), ("qvel", m.nv), ("ctrl", m.nu)):
@@ -122,6 +140,10 @@ class Linearizer:
             if not np.isfinite(values).all():
                 bad = int(np.argmin(np.isfinite(values)))
                 raise InvalidArgument(f"data.{field}", "must be finite", index=bad, value=values[bad])
+
+    def _read(self, data: Any, u: ArrayLike | None) -> None:
+        m, d = self._model, self._data
+        self._check_data(data)
         kind = mj.mjtState.mjSTATE_INTEGRATION
         state = np.zeros(mj.mj_stateSize(m, kind))
         mj.mj_getState(m, data, state, kind)

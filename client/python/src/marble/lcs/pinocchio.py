@@ -94,6 +94,14 @@ class Linearizer:
                              self._u_min, self._u_max, functools.partial(pin.difference, model),
                              functools.partial(pin.integrate, model))
 
+    def at(self, state: Any, q: ArrayLike, v: ArrayLike, u: ArrayLike | None = None) -> Linearization:
+        """The same at (q, v); the state does not count."""
+        return self((q, v), u)
+
+    def measure(self, state: Any) -> tuple[Array, Array]:
+        """q (nq,) and v (nv,) of the state."""
+        return self._read(state)
+
     def _read(self, state: Any) -> tuple[Array, Array]:
         if not isinstance(state, Sequence) or len(state) != 2:
             raise InvalidArgument("state", "must be (q, v)", value=repr(state))

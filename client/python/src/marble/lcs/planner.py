@@ -205,6 +205,17 @@ class Planner:
         """The feedback phase, after prepare: the plan for the measured state. Arguments as in step."""
         return self.step(x0, last_u=last_u, deadline=deadline)
 
+    def fall_back(self, reason: str) -> Plan:
+        """The plan of a step that has raised an error because no server answered: its start, rolled out.
+
+        The next step sends the numbers again. reason: for Plan.detail. Plan.status is CANCELLED. FailedPrecondition
+        unless step or feedback has raised Unavailable, Refused, Cancelled, Aborted, ServerError or, of a session that
+        has ended, FailedPrecondition.
+        """
+        plan = self._finish(Status.CANCELLED, None, reason, time.perf_counter())
+        self._planner.resend()
+        return plan
+
     @property
     def session(self) -> Session:
         """The session that solves."""

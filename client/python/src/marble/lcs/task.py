@@ -1,0 +1,162 @@
+"""What a controller plans for: horizon, costs, targets, bounds, contacts and the rate of its loop, checked."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from marble.base.checks import is_number
+from marble.errors import InvalidArgument
+from marble.lcs.linearization import Linearization, positive
+from marble.lcs.system import Array
+from marble.model.lcqp import numbers
+
+Target = tuple[ArrayLike, ArrayLike] | Callable[[Linearization, float], tuple[ArrayLike, ArrayLike]]
+
+_OF_TASK = ("dt", "u")
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Task:
+    """A planning problem of a robot model, for Controller. nq, nv, nu: sizes of the model; N = stages.
+
+    rate: control steps a second, Hz, > 0. dt: seconds of a stage, > 0; it may be longer than a control step.
+    stages, Q (2 nv, 2 nv), R, P, R_change, regularization, u_ref, u_lb, u_ub, max_u_change: as of Planner, with the
+    state x = (δq, v) of Linearization. u_lb and u_ub: None: the model's limits.
+    target: the configuration q (nq,) and the velocity v (nv,) to reach, each also with a leading axis N + 1, one per
+    stage; or a function that returns them, of the linearization at the present state and of the seconds since the first
+    step, in the time of the loop: steps / rate.
+    v_lb, v_ub: bounds of the velocities, one number or (nv,); infinite where there is none. Bounds of joints are pairs:
+    contacts={"joint_limits": True}.
+    contacts: options of marble.lcs.linearizer besides dt: contact, pairs, num_directions, friction, ….
+    shift: stages by which the last plan moves on at each step, in [0, N]; None: as many as have ended since the last
+    step, by the time of the loop.
+    deadline: seconds from the measurement, > 0; the solve is stopped before it, in time for its result. None: the
+    period, 1 / rate; inf: never, as where a simulation waits. A step that takes longer than the deadline or the period
+    is late.
+    kp, kd: gains of the feedback between plans, ≥ 0, one number or (nv,): N/m or N m/rad, and those by the velocity in
+    N s/m or N m s/rad; see Controller.input. 0: none.
+
+    Raises InvalidArgument with the field; what depends on the model's sizes is checked with it.
+    """
+
+    rate: float
+    stages: int
+    dt: float
+    Q: ArrayLike
+    R: ArrayLike
+    target: Target
+    P: ArrayLike | None = None
+    R_change: ArrayLike | None = None
+    regularization: float = 0.0
+    u_ref: ArrayLike | None = None
+    u_lb: ArrayLike | None = None
+    u_ub: ArrayLike | None = None
+    v_lb: ArrayLike | None = None
+    v_ub: ArrayLike | None = None
+    max_u_change: ArrayLike | None = None
+    contacts: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    shift: int | None = None
+    deadline: float | None = None
+    kp: ArrayLike = 0.0
+    kd: ArrayLike = 0.0
+
+    def __post_init__(self) -> None:
+        positive(self.rate, "rate", "Hz")
+        positive(self.dt, "dt", "s")
+        if isinstance(self.stages, bool) or not isinstance(self.stages, int | np.integer) or self.stages < 1:
+            raise InvalidArgument("stages", "must be a whole number >= 1", value=repr(self.stages))
+        if self.shift is not None and (isinstance(self.shift, bool) or not isinstance(self.shift, int | np.integer)
+                                       or not 0 <= self.shift <= self.stages):
+            raise InvalidArgument("shift", f"must be None or in [0, {self.stages}] (stages)", value=repr(self.shift))
+        if self.deadline is not None and not (is_number(self.deadline) and self.deadline > 0):
+            raise InvalidArgument("deadline", "must be > 0 seconds", value=self.deadline)
+        if not isinstance(self.contacts, Mapping):
+            raise InvalidArgument("contacts", "must be a mapping of options", value=type(self.contacts).__name__)
+        for name in _OF_TASK:
+            if name in self.contacts:
+                raise InvalidArgument("contacts", "must not have dt, which the task has, nor u", value=repr(name))
+        if not callable(self.target):
+            _pair(self.target)
+
+    @property
+    def period_s(self) -> float:
+        """Seconds of a control step: 1 / rate."""
+        return 1.0 / float(self.rate)
+
+    @property
+    def deadline_s(self) -> float:
+        """Seconds from the measurement before which the solve is stopped; inf if it is not."""
+        return self.period_s if self.deadline is None else float(self.deadline)
+
+    def planner_arguments(self, now: Linearization) -> dict[str, Any]:
+        """The keyword arguments of Planner for a model, of which `now` is a linearization."""
+        nv = now.v.size
+        made = {name: getattr(self, name) for name in ("Q", "R", "P", "R_change", "regularization", "u_ref",
+                                                       "max_u_change")}
+        made["u_lb"] = now.u_min if self.u_lb is None else self.u_lb
+        made["u_ub"] = now.u_max if self.u_ub is None else self.u_ub
+        for name, free in (("lb", -np.inf), ("ub", np.inf)):
+            given = getattr(self, f"v_{name}")
+            if given is not None:
+                made[f"x_{name}"] = np.concatenate([np.full(nv, free), _each(given, f"v_{name}", nv)])
+        return made
+
+    def input_bounds(self, now: Linearization) -> tuple[Array, Array]:
+        """Lower and upper bounds of the inputs, (nu,) each."""
+        nu = now.u.size
+        return (_each(now.u_min if self.u_lb is None else self.u_lb, "u_lb", nu),
+                _each(now.u_max if self.u_ub is None else self.u_ub, "u_ub", nu))
+
+    def gains(self, nv: int) -> tuple[Array, Array] | None:
+        """kp and kd, (nv,) each; None if all are 0."""
+        made = _gain(self.kp, "kp", nv), _gain(self.kd, "kd", nv)
+        return made if any(gain.any() for gain in made) else None
+
+    def x_ref(self, now: Linearization, time_s: float) -> Array:
+        """The target as states of a linearization, (nx,) or (N + 1, nx)."""
+        q, v = _pair(self.target(now, time_s) if callable(self.target) else self.target)
+        of_q = self._per_stage(q, "target.q", now.q.size)
+        of_v = self._per_stage(v, "target.v", now.v.size)
+        if of_q.ndim == of_v.ndim == 1:
+            return now.state(of_q, of_v)
+        count = self.stages + 1
+        rows = zip(np.broadcast_to(of_q, (count, now.q.size)), np.broadcast_to(of_v, (count, now.v.size)), strict=True)
+        return np.stack([now.state(*row) for row in rows])
+
+    def _per_stage(self, values: ArrayLike, field: str, size: int) -> Array:
+        array = numbers(values, field, "an array of numbers")
+        if array.shape not in ((size,), (self.stages + 1, size)):
+            raise InvalidArgument(field, f"must have the shape ({size},) or ({self.stages + 1}, {size})",
+                                  value=f"of shape {array.shape}")
+        if not np.isfinite(array).all():
+            bad = int(np.argmin(np.isfinite(array)))
+            raise InvalidArgument(field, "must be finite", index=bad, value=array.flat[bad])
+        return array
+
+
+def _pair(target: Any) -> tuple[ArrayLike, ArrayLike]:
+    if not isinstance(target, Sequence) or isinstance(target, str) or len(target) != 2:
+        raise InvalidArgument("target", "must be (q, v), or a function that returns them", value=repr(target))
+    return target[0], target[1]
+
+
+def _each(values: ArrayLike, field: str, size: int) -> Array:
+    array = numbers(values, field, "an array of numbers")
+    if array.shape not in ((), (size,)):
+        raise InvalidArgument(field, f"must be one number, or have the shape ({size},)",
+                              value=f"of shape {array.shape}")
+    return np.broadcast_to(array, (size,))
+
+
+def _gain(values: ArrayLike, field: str, nv: int) -> Array:
+    array = _each(values, field, nv)
+    for index, value in enumerate(array):
+        if not (math.isfinite(value) and value >= 0):
+            raise InvalidArgument(field, "must be finite and ≥ 0", index=index, value=value)
+    return array
