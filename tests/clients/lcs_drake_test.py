@@ -16,6 +16,8 @@ from pydrake.systems.framework import DiagramBuilder
 
 import marble
 import marble.lcs
+from marble.lcs import Task
+from marble.lcs.drake_system import ControllerSystem
 
 G = 9.81
 
@@ -117,6 +119,67 @@ class Steps(unittest.TestCase):
             self.assertAlmostEqual(q[4], theirs[4], delta=1e-3)
             self.assertAlmostEqual(q[4], speed**2 / (2 * mu * G), delta=1e-3)
             np.testing.assert_allclose(v, 0, atol=1e-6)
+
+
+WALL = """<mujoco model="wall"><worldbody><geom name="wall" type="plane" zaxis="-1 0 0" pos=".1 0 0" size="1 1 .1"/>
+  <body name="ball"><joint name="slide" type="slide" axis="1 0 0"/><geom name="ball" size=".05" mass="2"/></body>
+  </worldbody><actuator><motor name="push" joint="slide"/></actuator></mujoco>"""
+
+
+class Controllers(unittest.TestCase):
+    def run_system(self, seconds, **changes):
+        """The ball's place at the end, and the system that pushed it from −0.3 m; the wall is at 0.05 m."""
+        model, model_diagram, *_ = made(WALL, "xml", 0.001)
+        task = Task(**{"rate": 50, "dt": 0.02, "stages": 15, "Q": np.diag([100, 1]), "R": [[1e-3]], "deadline": np.inf,
+                       "u_lb": -20, "u_ub": 20, "target": ([0.04], [0]),
+                       "contacts": {"num_directions": 2, "max_gap": 1}, **changes})
+        builder = DiagramBuilder()
+        plant, _ = AddMultibodyPlantSceneGraph(builder, 0.001)
+        Parser(plant).AddModelsFromString(WALL, "xml")
+        plant.Finalize()
+        system = builder.AddSystem(ControllerSystem(model, model_diagram, task, server="local"))
+        self.addCleanup(system.controller.close)
+        builder.Connect(plant.get_state_output_port(), system.get_input_port())
+        builder.Connect(system.get_output_port(), plant.get_actuation_input_port())
+        simulator = Simulator(builder.Build())
+        own = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+        plant.SetPositions(own, [-0.3])
+        simulator.AdvanceTo(seconds)
+        return plant.GetPositions(own)[0], system
+
+    def test_a_system_of_a_diagram_pushes_a_ball_to_its_place_before_the_wall(self):
+        for changes, steps in (({}, 75), ({"kp": 10.0, "kd": 1.0}, 75), ({"rate": 20}, 30)):
+            with self.subTest(changes=changes):
+                place, system = self.run_system(1.5, **changes)
+                self.assertAlmostEqual(place, 0.04, delta=2e-3)
+                self.assertEqual((system.statistics.steps, system.statistics.infeasible), (steps, 0))
+                self.assertEqual(len(system.controller.pairs), 1)
+
+    def test_a_ball_that_should_go_behind_the_wall_stays_at_it(self):
+        place, _ = self.run_system(1.0, target=([0.08], [0]))
+        self.assertAlmostEqual(place, 0.05, delta=2e-3)
+
+    def test_a_linearization_elsewhere_leaves_the_context_as_it_was(self):
+        plant, _, _, own = made(TABLE, "sdf", 1e-3, friction=0.5)
+        plant.SetPositions(own, [1, 0, 0, 0, 0, 0, 0.1, 0])
+        make = marble.lcs.linearizer(plant, own)
+        before = plant.GetPositionsAndVelocities(own)
+        q, v = np.array([0.8, 0, 0.6, 0, 0.1, 0, 0.3, 1]), np.arange(7.0)
+        there = make.at(own, q, v)
+        np.testing.assert_array_equal(plant.GetPositionsAndVelocities(own), before)
+        np.testing.assert_array_equal(np.concatenate(make.measure(own)), before)
+        plant.SetPositionsAndVelocities(own, np.concatenate([q, v]))
+        for field in "ABDdEFHc":
+            np.testing.assert_array_equal(getattr(make(own).lcs, field), getattr(there.lcs, field))
+        with self.assertRaisesRegex(marble.InvalidArgument, "q is 1 entries"):
+            make.at(own, [1], v)
+
+    def test_a_diagram_without_the_plant_is_refused(self):
+        model, *_ = made(WALL, "xml", 0.001)
+        _, other, *_ = made(WALL, "xml", 0.001)
+        task = Task(rate=50, dt=0.02, stages=5, Q=np.eye(2), R=[[1]], target=([0], [0]))
+        with self.assertRaisesRegex(marble.InvalidArgument, "diagram: must contain the plant"):
+            ControllerSystem(model, other, task)
 
 
 class Errors(unittest.TestCase):

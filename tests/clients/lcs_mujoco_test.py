@@ -1,16 +1,12 @@
 """Linearizations of MuJoCo models: one step of the LCS against one step of MuJoCo, and as the step gets shorter."""
 
-import os
 import pathlib
-import re
-import subprocess
-import sys
 import unittest
 
 import mujoco
 import numpy as np
 from lcp import step
-from adapter_page import ROOT, example
+from adapter_page import example
 
 import marble
 import marble.lcs
@@ -421,25 +417,6 @@ class Errors(unittest.TestCase):
                    chain('<motor joint="a" gear="3"/>', '<intvelocity joint="a" kp="1" actrange="-1 1"/>'))
         self.check("model.nu is 0", mujoco.MjModel.from_xml_string(
             "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"))
-
-
-class Examples(unittest.TestCase):
-    def run_example(self, name, seconds):
-        """The numbers in the last line that it prints."""
-        environment = {**os.environ, "MARBLE_SERVER": "local"}
-        run = subprocess.run([sys.executable, ROOT / "client/python/examples" / name, str(seconds)], env=environment,
-                             capture_output=True, text=True, timeout=250)
-        self.assertEqual(run.returncode, 0, run.stderr)
-        return [float(number) for number in re.findall(r"-?\d+\.\d+", run.stdout.splitlines()[-1])]
-
-    def test_the_box_is_pushed_to_its_goal(self):
-        box, goal = self.run_example("push_box.py", 1.0)
-        self.assertAlmostEqual(box, goal, delta=0.02)
-
-    def test_the_pole_is_caught_by_the_wall(self):
-        cart, pole = self.run_example("cart_pole_walls.py", 2.0)
-        self.assertAlmostEqual(cart, 0, delta=0.05)
-        self.assertAlmostEqual(pole, 0, delta=0.05)
 
 
 class Page(unittest.TestCase):

@@ -151,6 +151,34 @@ class Contacts(unittest.TestCase):
         np.testing.assert_allclose(row[0][:3], other[:3], atol=1e-3)
 
 
+class Controllers(unittest.TestCase):
+    def test_an_arm_reaches_its_target_by_the_inputs_that_it_has_in_mujoco(self):
+        theirs, model, shapes = arm()
+        data = mujoco.MjData(theirs)
+        state = np.array([-0.6, 0.1]), np.zeros(2)
+        contacts = {"pairs": [("floor", "tip")], "friction": 0.7}
+        data.qpos[:], data.qvel[:] = state
+
+        def task(**more):
+            return marble.lcs.Task(rate=50, dt=0.02, stages=10, Q=np.diag([50, 50, 1, 1]), R=1e-3 * np.eye(2), P=500 *
+                                   np.eye(4), u_lb=-30, u_ub=30, target=([-0.1, 0.3], [0, 0]), deadline=np.inf,
+                                   contacts={**contacts, **more})
+
+        with marble.lcs.Controller(model, task(geometry_model=shapes), state=state, server="local") as controller, \
+                marble.lcs.Controller(theirs, task(), state=data, server="local") as other:
+            for k in range(60):
+                step_here = controller.step(state)
+                data.qpos[:], data.qvel[:] = state
+                np.testing.assert_allclose(step_here.u, other.step(data).u, atol=1e-3)
+                if k % 2:
+                    controller.prepare(state)
+                    other.prepare(data)
+                here = step_here.linearization
+                state = here.configuration(step(here.lcs, here.state(*state), step_here.u)[0])
+            self.assertEqual(controller.statistics.infeasible, 0)
+        np.testing.assert_allclose(state[0], [-0.1, 0.3], atol=0.02)
+
+
 class Errors(unittest.TestCase):
     def check(self, said, *, state=None, **options):
         model, shapes, actuation = box()

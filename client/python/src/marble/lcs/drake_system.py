@@ -18,7 +18,7 @@ _framework: Any = optional("pydrake.systems.framework", "drake", "ControllerSyst
 
 
 class ControllerSystem(_framework.LeafSystem):  # type: ignore[misc]
-    """Plans at the task's rate; connect it to the plant that is simulated.
+    """Plans at the task's rate; connect it to the plant that is simulated::
 
         controller = builder.AddSystem(ControllerSystem(model_plant, model_diagram, task))
         builder.Connect(plant.get_state_output_port(), controller.get_input_port())

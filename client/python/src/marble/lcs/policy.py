@@ -19,13 +19,12 @@ _SAME_TIME: Final = 1e-6  # relative to a step of the environment
 
 
 class Policy:
-    """Plans the actions of an environment whose unwrapped one has a MuJoCo model and data, as gymnasium's robots have.
+    """Plans the actions of an environment whose unwrapped one has a MuJoCo model and data, as gymnasium's robots have::
 
-        env = gymnasium.make("Hopper-v5")
-        with Policy(env, task) as policy:
-            observation, _ = env.reset(seed=0)
-            for _ in range(500):
-                observation, *_ = env.step(policy(observation))
+        with gymnasium.make("Hopper-v5") as env, Policy(env, task) as policy:
+            observation, info = env.reset(seed=0)
+            for step in range(500):
+                observation, reward, terminated, truncated, info = env.step(policy(observation))
 
     The policy reads the state from the environment, not from the observation. Actions are the model's inputs; wrappers
     that rescale them are refused. task: its rate must be that of the environment, 1 / env.unwrapped.dt, divided by a

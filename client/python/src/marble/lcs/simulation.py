@@ -1,4 +1,4 @@
-"""A controller in closed loop with MuJoCo's simulation, and its frames as an animation.
+"""A controller in closed loop with MuJoCo's simulation, and its frames as an animation::
 
     with Controller(model, task, state=data) as controller, Recorder(model) as recorder:
         simulate(controller, model, data, 3.0, recorder=recorder)
@@ -10,11 +10,12 @@ Needs mujoco; a Recorder also pillow, for .gif, or imageio with ffmpeg, for .mp4
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import pathlib
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 import numpy as np
@@ -27,6 +28,14 @@ from marble.lcs.optional import optional
 
 _SAME_TIME: Final = 1e-6  # relative to a control step
 _MAX_GIF_RATE: Final = 50.0  # frames of a GIF last whole hundredths of a second, and viewers slow shorter ones down
+
+
+@contextlib.contextmanager
+def _without_warnings() -> Iterator[None]:
+    """Of GLFW, which MuJoCo tries first, where there is no display."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 class Recorder:
@@ -59,8 +68,7 @@ class Recorder:
             if not os.environ.get("MUJOCO_GL") and not os.environ.get("DISPLAY"):
                 self._context = optional("mujoco.egl", "mujoco", "a Recorder").GLContext(width, height)
                 self._context.make_current()
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # of GLFW, without a display
+            with _without_warnings():
                 self._renderer: Any = mujoco.Renderer(model, height, width)
         except Exception as error:
             raise Unavailable(f"MuJoCo cannot render here: {error}. Set MUJOCO_GL to egl or osmesa, and install its "
@@ -73,8 +81,9 @@ class Recorder:
         if data.time < self._next_s - _SAME_TIME / self.fps and data.time >= self._next_s - 1 / self.fps:
             return False
         self._next_s = data.time + 1 / self.fps
-        self._renderer.update_scene(data, camera=self._camera)
-        self.frames.append(self._renderer.render().copy())
+        with _without_warnings():
+            self._renderer.update_scene(data, camera=self._camera)
+            self.frames.append(self._renderer.render().copy())
         return True
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -97,8 +106,7 @@ class Recorder:
         """Frees the renderer; the frames stay."""
         renderer, self._renderer = self._renderer, None
         if renderer is not None:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
+            with _without_warnings():
                 renderer.close()
             if self._context is not None:
                 self._context.free()
