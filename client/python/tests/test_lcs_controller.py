@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import os
+import signal
 import sys
 
 import numpy as np
@@ -274,20 +276,44 @@ def test_a_lost_server_leaves_the_last_plan_and_another_one_goes_on(start_server
 
 def test_a_session_that_has_ended_is_opened_again():
     with Controller(CartPole(), task(), state=START, server="local") as controller:
-        first = controller.step(START)
+        controller.step(START)
         ended = controller.planner.session
         ended.close()
-        step = controller.step(moved(START, first.u))
-        assert step.plan.status is Status.SOLVED and controller.planner.session is not ended
-        assert step.plan.objective <= step.plan.start_objective * (1 + 1e-9)
+        state, last = START, None
+        made = controller.step(state)
+        assert made.is_fallback and "the session has ended" in made.plan.detail
+
+        def is_back():
+            nonlocal made, last
+            last, made = made, controller.step(state)
+            return controller.planner.session is not ended
+
+        assert wait_until(is_back)
+        assert made.plan.status is Status.SOLVED and not made.is_fallback
         # It has started from the inputs of the last plan: the same objective as theirs.
-        start = np.vstack([first.plan.u[1:], first.plan.u[-1:]])
-        x, _ = rollout(step.linearization.lcs, step.linearization.x0, start)
-        x += [*step.linearization.q, 0, 0]
+        start = np.vstack([last.plan.u[1:], last.plan.u[-1:]])
+        x, _ = rollout(made.linearization.lcs, made.linearization.x0, start)
+        x += [*made.linearization.q, 0, 0]
         P = controller.planner.P
         expected = sum(one @ np.diag([10.0, 2, 1, 1]) @ one for one in x[:-1]) + (start**2).sum() + x[-1] @ P @ x[-1]
-        assert step.plan.start_objective == pytest.approx(expected, rel=1e-9)
-        assert controller.statistics.errors == 0
+        assert made.plan.start_objective == pytest.approx(expected, rel=1e-9)
+        assert made.plan.objective <= made.plan.start_objective * (1 + 1e-9)
+        assert controller.statistics.errors == controller.statistics.steps - 2
+
+
+def test_a_server_that_hangs_does_not_stop_the_loop(start_server):
+    server = start_server()
+    with Controller(CartPole(), task(deadline=0.02), state=START, server=server.address) as controller:
+        before, state = closed_loop(controller, 3)
+        os.kill(server.process.pid, signal.SIGSTOP)
+        try:
+            steps, state = closed_loop(controller, 20, prepares=True, state=state)
+        finally:
+            os.kill(server.process.pid, signal.SIGCONT)
+        assert steps[0].plan.detail == "no answer within 0.2 s after the deadline"
+        assert all(step.is_fallback and step.plan.feasible and step.plan.solution is None for step in steps)
+        assert controller.statistics.errors == 20 and controller.statistics.infeasible == 0
+        assert before[-1].plan.feasible and wait_until(lambda: controller.step(state).plan.status is Status.SOLVED)
 
 
 def test_without_a_feasible_plan_the_inputs_go_on_along_the_last_one():

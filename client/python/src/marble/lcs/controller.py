@@ -19,18 +19,15 @@ from numpy.typing import ArrayLike
 
 import marble
 from marble.base.checks import is_number
-from marble.errors import Aborted, Cancelled, FailedPrecondition, InvalidArgument, Refused, ServerError, Unavailable
+from marble.errors import FailedPrecondition, InvalidArgument
 from marble.lcs.dispatch import linearizer
+from marble.lcs.guarded import GuardedPlanner
 from marble.lcs.linearization import Linearization
 from marble.lcs.planner import Plan, Planner, PlanOrigin
 from marble.lcs.statistics import ControlStatistics
 from marble.lcs.system import Array
 from marble.lcs.task import Task
 
-_WITHOUT_ANSWER: Final = (Unavailable, Refused, Aborted, Cancelled, ServerError)
-"""Errors of a solve after which the loop must go on."""
-_LEAST_S: Final = 1e-6
-"""Deadline of a solve for which no time is left: its step is a fallback."""
 _SAME_TIME: Final = 1e-6
 """Of a stage."""
 
@@ -98,9 +95,10 @@ class Controller:
     and the first plan is made there, without a deadline, as nothing is known yet; None: both in the first step.
     server: as in marble.solve; a marble.Client stays open. options: of the solver, by name, as of Planner.
 
-    Each step has inputs, also if its solve is late, fails or has no answer because the server is lost: the plan is then
-    the last one, moved on and rolled out from the measured state. `statistics` counts that. A context manager: leaving
-    it ends the session. One thread at a time.
+    Each step has inputs, also if its solve is late, fails or has no answer as of a server that is lost or hangs: the
+    plan is then the last one, moved on and rolled out from the measured state, until another session is open. A step
+    with a deadline takes at most a quarter of a second more. `statistics` counts that. A context manager: leaving it
+    ends the session. One thread at a time.
 
     Raises InvalidArgument with the field of the task or of the model, and the errors of Planner, from where the first
     plan is made.
@@ -116,7 +114,7 @@ class Controller:
         self._model, self._server = model, server
         self._options = {**(options or {}), **more_options}
         self._linearize: StateLinearizer | None = None
-        self._planner: Planner | None = None
+        self._plans: GuardedPlanner | None = None
         self._ahead: Linearization | None = None
         """Of the next step, after prepare."""
         self._current: _Trajectory | None = None
@@ -142,9 +140,13 @@ class Controller:
             linearized = begin + self._linearize_s
         else:
             shift = self._shift()
+            is_prepared = self._ahead is not None
             now, x0 = self._measured(state)
             linearized = time.perf_counter()
-            plan, error = self._planned(now, x0, shift, begin)
+            x_ref = None if is_prepared else self.task.x_ref(now, self.time_s)
+            plan, error = self._guarded().step(now.lcs, x0, x_ref, self._applied,
+                                               self._bounded(self._current.moved(shift).u), shift,
+                                               self.task.deadline_s - (time.perf_counter() - begin))
         return self._finish(plan, now, error, shift, begin, linearized - begin)
 
     def prepare(self, state: Any) -> None:
@@ -156,18 +158,15 @@ class Controller:
         the next step.
         """
         self._check_open()
-        if self._current is None or self._linearize is None or self._planner is None:
+        if self._current is None or self._linearize is None:
             raise FailedPrecondition("prepare: a step must come first")
         if self._ahead is not None:
             return
         current = self._current
         q, v = current.base.configuration(current.state(self.task.period_s / self.task.dt))
         ahead = self._linearize.at(state, q, v, self._applied)
-        try:
-            self._planner.prepare(lcs=ahead.lcs, x_ref=self.task.x_ref(ahead, self.time_s), shift=self._shift())
-        except _WITHOUT_ANSWER:
-            return
-        self._ahead = ahead
+        if self._guarded().prepare(ahead.lcs, self.task.x_ref(ahead, self.time_s), self._shift()):
+            self._ahead = ahead
 
     def input(self, state: Any, elapsed: float) -> Array:
         """The inputs (nu,) between two steps, `elapsed` ≥ 0 seconds after the last one.
@@ -208,9 +207,9 @@ class Controller:
     @property
     def planner(self) -> Planner:
         """The planner, with the session. FailedPrecondition before the first step."""
-        if self._planner is None:
+        if self._plans is None:
             raise FailedPrecondition("planner: a step must come first")
-        return self._planner
+        return self._plans.planner
 
     @property
     def pairs(self) -> tuple[Any, ...]:
@@ -229,9 +228,7 @@ class Controller:
 
     def __exit__(self, kind: object, *rest: object) -> None:
         self._is_closed = True
-        planner, self._planner = self._planner, None
-        if planner is not None:
-            planner.__exit__(kind, *rest)
+        self._close_planner(at_once=kind is not None)
 
     def _begin(self, state: Any) -> tuple[Plan, Linearization]:
         """Opens the session, and makes the first plan in it."""
@@ -245,14 +242,16 @@ class Controller:
         self._gains = self.task.gains(now.v.size)
         self._steps = 0
         x_ref = self.task.x_ref(now, 0.0)
-        self._planner = self._opened(now)
-        plan = self._planner.step(now.x0, x_ref=x_ref, last_u=now.u)
+        arguments = self.task.planner_arguments(now)
+        self._plans = GuardedPlanner(lambda lcs: Planner(lcs, int(self.task.stages), **arguments, server=self._server,
+                                                         reopen=False, options=self._options), now.lcs)
+        plan = self._plans.planner.step(now.x0, x_ref=x_ref, last_u=now.u)
         self._current = _Trajectory(plan.u, plan.x, now)
         return plan, now
 
-    def _opened(self, now: Linearization) -> Planner:
-        return Planner(now.lcs, int(self.task.stages), **self.task.planner_arguments(now), server=self._server,
-                       options=self._options)
+    def _guarded(self) -> GuardedPlanner:
+        assert self._plans is not None
+        return self._plans
 
     def _shift(self) -> int:
         """Stages by which the last plan moves on."""
@@ -270,39 +269,10 @@ class Controller:
         if self._ahead is None:
             now = self._linearize(state, self._applied)
             return now, now.x0
-        return self._ahead, self._ahead.state(*self._linearize.measure(state))
-
-    def _planned(self, now: Linearization, x0: Array, shift: int, begin: float) -> tuple[Plan, str]:
-        """The plan, and the error of its solve if there was no answer."""
-        x_ref, u = None if self._ahead is not None else self.task.x_ref(now, self.time_s), None
-        if not self.planner.session.is_open:  # it was idle for too long
-            u, shift = self._reopened(now, shift)
-        deadline = None
-        if math.isfinite(self.task.deadline_s):
-            deadline = max(self.task.deadline_s - (time.perf_counter() - begin), _LEAST_S)
-        is_prepared, self._ahead = self._ahead is not None, None
-        planner = self.planner
-        try:
-            if is_prepared:
-                return planner.feedback(x0, last_u=self._applied, deadline=deadline), ""
-            return planner.step(x0, lcs=now.lcs, x_ref=x_ref, last_u=self._applied, u=u, shift=shift,
-                                deadline=deadline), ""
-        except (*_WITHOUT_ANSWER, FailedPrecondition) as error:
-            if isinstance(error, FailedPrecondition) and planner.session.is_open:
-                raise
-            text = f"{type(error).__name__}: {error}"
-            return planner.fall_back(text), text
-
-    def _reopened(self, now: Linearization, shift: int) -> tuple[Array | None, int]:
-        """The inputs and the shift of the first step in another session; the old planner stays if there is none."""
-        assert self._current is not None
-        try:
-            planner = self._opened(now)
-        except _WITHOUT_ANSWER:
-            return None, shift
-        self._close_planner()
-        self._planner = planner
-        return self._current.moved(shift).u, 0
+        now = self._ahead
+        x0 = now.state(*self._linearize.measure(state))
+        self._ahead = None
+        return now, x0
 
     def _finish(self, plan: Plan, now: Linearization, error: str, shift: int, begin: float,
                 linearize_s: float) -> ControlStep:
@@ -333,11 +303,11 @@ class Controller:
         if self._is_closed:
             raise FailedPrecondition("the controller is closed")
 
-    def _close_planner(self) -> None:
+    def _close_planner(self, at_once: bool = False) -> None:
         self._ahead = None
-        planner, self._planner = self._planner, None
-        if planner is not None:
-            planner.close()
+        plans, self._plans = self._plans, None
+        if plans is not None:
+            plans.close(at_once)
 
 
 def _is_linearizer(model: Any) -> bool:
