@@ -245,7 +245,12 @@ class Controller:
         arguments = self.task.planner_arguments(now)
         self._plans = GuardedPlanner(lambda lcs: Planner(lcs, int(self.task.stages), **arguments, server=self._server,
                                                          reopen=False, options=self._options), now.lcs)
-        plan = self._plans.planner.step(now.x0, x_ref=x_ref, last_u=now.u)
+        arguments["P"] = self.planner.P  # of another session too
+        try:
+            plan = self.planner.step(now.x0, x_ref=x_ref, last_u=now.u)
+        except BaseException:
+            self._close_planner(at_once=True)
+            raise
         self._current = _Trajectory(plan.u, plan.x, now)
         return plan, now
 
@@ -262,6 +267,7 @@ class Controller:
 
         def ended(steps: int) -> int:
             return int(steps * self.task.period_s / self.task.dt + _SAME_TIME)
+
         return min(ended(self._steps) - ended(self._steps - 1), int(self.task.stages))
 
     def _measured(self, state: Any) -> tuple[Linearization, Array]:

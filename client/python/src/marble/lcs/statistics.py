@@ -79,4 +79,5 @@ class ControlStatistics:
                                                                         "errors"))
         times = "; ".join(f"{name} {1e3 * of(0.5):.2f} / {1e3 * of(0.99):.2f} / {1e3 * of(1.0):.2f} ms"
                           for name, of in (("step", self.step_s), ("solve", self.solve_s)))
-        return f"{self.steps} steps for {self.rate:g} Hz: {counts}; median / p99 / worst: {times}"
+        return (f"{self.steps} steps for {self.rate:g} Hz at {self.loop_rate:.1f} Hz: {counts}; median / p99 / worst: "
+                f"{times}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from typing import Final
 
@@ -21,7 +22,7 @@ class Watchdog:
         self.has_cancelled = False
         """Whether the last block was cancelled."""
         self._is_over = threading.Event()
-        threading.Thread(target=self._look, daemon=True).start()
+        threading.Thread(target=_look, args=(weakref.ref(self), self._is_over), daemon=True).start()
 
     @contextlib.contextmanager
     def watch(self, seconds: float) -> Iterator[None]:
@@ -36,9 +37,15 @@ class Watchdog:
         """Ends the thread."""
         self._is_over.set()
 
-    def _look(self) -> None:
-        while not self._is_over.wait(_LOOK_S):
-            end = self._end
-            if end is not None and time.monotonic() > end:
-                self.has_cancelled, self._end = True, None
-                self._cancel()
+    def look(self) -> None:
+        """Cancels the block if it takes too long."""
+        end = self._end
+        if end is not None and time.monotonic() > end:
+            self.has_cancelled, self._end = True, None
+            self._cancel()
+
+
+def _look(watchdog: weakref.ref[Watchdog], is_over: threading.Event) -> None:
+    while not is_over.wait(_LOOK_S) and (one := watchdog()) is not None:
+        one.look()
+        del one
