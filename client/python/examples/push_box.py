@@ -18,12 +18,14 @@ from marble.lcs.simulation import Recorder, simulate
 
 GOAL = 0.3  # m
 MODEL = """<mujoco><option timestep="0.002" cone="elliptic"/><default><geom friction="0.4"/></default>
+  <visual><headlight ambient=".4 .4 .4"/></visual>
   <worldbody><light pos="0 -1 3"/><geom name="floor" type="plane" size="5 5 .1"/>
     <body pos="0 0 .1"><joint name="box x" type="slide" axis="1 0 0"/><joint name="box z" type="slide" axis="0 0 1"/>
-      <joint name="box turn" axis="0 1 0"/><geom name="box" type="box" size=".1 .1 .1" mass="1"/></body>
+      <joint name="box turn" axis="0 1 0"/>
+      <geom name="box" type="box" size=".1 .1 .1" mass="1" rgba=".2 .5 .8 1"/></body>
     <body pos="-.2 0 .1" gravcomp="1"><joint name="ball x" type="slide" axis="1 0 0" damping="1"/>
       <joint name="ball z" type="slide" axis="0 0 1" damping="1"/>
-      <geom name="ball" type="sphere" size=".03" mass=".5"/></body></worldbody>
+      <geom name="ball" type="sphere" size=".03" mass=".5" rgba=".9 .4 .1 1"/></body></worldbody>
   <actuator><motor joint="ball x" ctrlrange="-20 20"/><motor joint="ball z" ctrlrange="-20 20"/></actuator></mujoco>"""
 
 Q = np.diag([200, 1, 20, 2, 20, 1, 1, 1, 0.2, 0.2])  # of box x, z, turn, ball x, z, and their velocities
