@@ -141,7 +141,7 @@ Expected<void> check_state_uri(const std::string& uri) {
     return unexpected(invalid(
         "state", "must hold no " + name +
                      (name == "password" ? ": give it by PGPASSWORD, or in the file of passfile="
-                                         : ": nobody but the server may read the file, without one")));
+                                         : ": use a key file without one that only the server can read")));
   }
   return {};
 }

@@ -52,7 +52,7 @@ TEST_F(LoopCommands, CtrlCEndsABatchAndEveryFileHasItsLine) {
 }
 
 TEST_F(LoopCommands, MpcInThisProcessIsTheSameLoopAsOverAServer) {
-  const std::string loop = "mpc hopper --steps 20 --ticks 3 --seed 4 --output json";
+  const std::string loop = "mpc hopper --steps 20 --control-steps 3 --seed 4 --output json";
   const auto there = marble(loop).lines();
   const Result local = run(loop + " --local");
   ASSERT_EQ(local.exit_code, 0) << local.err;
@@ -60,49 +60,49 @@ TEST_F(LoopCommands, MpcInThisProcessIsTheSameLoopAsOverAServer) {
   ASSERT_EQ(here.size(), 5U);
   ASSERT_EQ(there.size(), here.size());
   for (std::size_t i = 0; i < 4; ++i) {
-    for (const char* key : {"tick", "status", "objective", "iterations", "factorizations"})
-      EXPECT_EQ(here[i][key], there[i][key]) << key << " of tick " << i;
+    for (const char* key : {"step", "status", "objective", "iterations", "factorizations"})
+      EXPECT_EQ(here[i][key], there[i][key]) << key << " of step " << i;
   }
   EXPECT_EQ(run(loop + " --local --server 127.0.0.1:1").exit_code, 2);
 }
 
 TEST_F(LoopCommands, MpcInTwoPartsIsTheSameLoop) {
-  const std::string loop = "mpc hopper --steps 20 --ticks 3 --seed 4 --output json";
+  const std::string loop = "mpc hopper --steps 20 --control-steps 3 --seed 4 --output json";
   const auto whole = marble(loop).lines(), parts = marble(loop + " --prepare").lines(),
              here = run(loop + " --prepare --local").lines();
   ASSERT_EQ(whole.size(), 5U);
   ASSERT_EQ(parts.size(), 5U);
   ASSERT_EQ(here.size(), 5U);
   for (std::size_t i = 0; i < 4; ++i) {
-    for (const char* key : {"tick", "status", "objective", "iterations", "factorizations"}) {
-      EXPECT_EQ(parts[i][key], whole[i][key]) << key << " of tick " << i;
-      EXPECT_EQ(here[i][key], whole[i][key]) << key << " of tick " << i;
+    for (const char* key : {"step", "status", "objective", "iterations", "factorizations"}) {
+      EXPECT_EQ(parts[i][key], whole[i][key]) << key << " of step " << i;
+      EXPECT_EQ(here[i][key], whole[i][key]) << key << " of step " << i;
     }
   }
 }
 
 TEST_F(LoopCommands, MpcIsCheaperWarmThanCold) {
-  const Result warm = marble("mpc hopper --ticks 4 --output json");
+  const Result warm = marble("mpc hopper --control-steps 4 --output json");
   ASSERT_EQ(warm.exit_code, 0) << warm.err;
   const auto lines = warm.lines();
-  ASSERT_EQ(lines.size(), 6U) << "the first plan, four ticks, a summary";
+  ASSERT_EQ(lines.size(), 6U) << "the first plan, four control steps, a summary";
   for (std::size_t i = 0; i < 5; ++i) {
-    EXPECT_EQ(lines[i]["tick"], i);
+    EXPECT_EQ(lines[i]["step"], i);
     EXPECT_GE(lines[i]["round_trip_ms"], lines[i]["solve_ms"]);
   }
-  const Result cold = marble("mpc hopper --ticks 4 --cold --output json");
+  const Result cold = marble("mpc hopper --control-steps 4 --cold --output json");
   ASSERT_EQ(cold.exit_code, 0) << cold.err;
   EXPECT_EQ(cold.lines().back()["summary"], "cold");
   EXPECT_LT(lines.back()["median_factorizations"], cold.lines().back()["median_factorizations"]);
-  const Result text = marble("mpc hopper --steps 12 --ticks 2");
+  const Result text = marble("mpc hopper --steps 12 --control-steps 2");
   EXPECT_NE(text.out.find("round trip ms"), std::string::npos) << text.out;
-  EXPECT_NE(text.out.find("median of 2 warm ticks: "), std::string::npos) << text.out;
+  EXPECT_NE(text.out.find("median of 2 warm control steps: "), std::string::npos) << text.out;
   EXPECT_EQ(run("mpc hopper --server 127.0.0.1:1").exit_code, 3);
   EXPECT_EQ(marble("mpc unicycle").exit_code, 2);
 }
 
 TEST_F(LoopCommands, CtrlCEndsMpc) {
-  const Run mpc = start("mpc hopper --ticks 100000 --server " + server_.address());
+  const Run mpc = start("mpc hopper --control-steps 100000 --server " + server_.address());
   ASSERT_TRUE(eventually([&] { return read_file(mpc.out).find("\n    1 ") != std::string::npos; }));
   mpc.process->send(SIGINT);
   const Result result = mpc.wait();
@@ -112,7 +112,7 @@ TEST_F(LoopCommands, CtrlCEndsMpc) {
 }
 
 TEST_F(LoopCommands, InfoReportsLimitsAndCountersOfSessions) {
-  ASSERT_EQ(marble("mpc hopper --steps 4 --ticks 2").exit_code, 0);
+  ASSERT_EQ(marble("mpc hopper --steps 4 --control-steps 2").exit_code, 0);
   const Json info = marble("info --output json").lines().at(0);
   EXPECT_EQ(info["sessions_opened"], 1);
   EXPECT_EQ(info["updates"], 3);

@@ -48,7 +48,8 @@ TEST_F(ScenarioCommand, ReportsALineALevelAndThenThePlan) {
 }
 
 TEST_F(ScenarioCommand, HasTheSameBitsInThisProcess) {
-  const std::string sampler = "--output json --most 16 --sampler " + quoted(file("demand.json", kDemand));
+  const std::string sampler =
+      "--output json --max-sample-size 16 --sampler " + quoted(file("demand.json", kDemand));
   const auto there = marble(sampler).lines();
   const auto here =
       run("scenarios " + quoted(file("shop.json", kShop)) + " --server local " + sampler).lines();
@@ -62,8 +63,9 @@ TEST_F(ScenarioCommand, HasTheSameBitsInThisProcess) {
 }
 
 TEST_F(ScenarioCommand, EndsWhenTheIntervalIsSmall) {
-  const Result result = marble("--output json --first 16 --most 1024 --tolerance 0.1 --sampler " +
-                               quoted(file("demand.json", kDemand)));
+  const Result result =
+      marble("--output json --initial-sample-size 16 --max-sample-size 1024 --tolerance 0.1 --sampler " +
+             quoted(file("demand.json", kDemand)));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_EQ(result.lines().back()["end"], "interval");
 }

@@ -28,8 +28,8 @@ TEST_F(SeveralServers, OneThatIsGoneIsNotMissed) {
 }
 
 TEST_F(SeveralServers, AClosedLoopGoesOnElsewhereAndSaysSo) {
-  const Run mpc = start("mpc hopper --steps 12 --ticks 1000 --output json --server " + both_);
-  ASSERT_TRUE(eventually([&] { return read_file(mpc.out).find("\"tick\":20,") != std::string::npos; }));
+  const Run mpc = start("mpc hopper --steps 12 --control-steps 1000 --output json --server " + both_);
+  ASSERT_TRUE(eventually([&] { return read_file(mpc.out).find("\"step\":20,") != std::string::npos; }));
   mpc.process->send(SIGSTOP);  // or it might be through before its server is found
   const Result at_first = run("info --output json --server " + first_.address());
   (at_first.lines().at(0)["sessions"] == 1 ? first_ : second_).send(SIGKILL);
@@ -39,7 +39,7 @@ TEST_F(SeveralServers, AClosedLoopGoesOnElsewhereAndSaysSo) {
   EXPECT_NE(result.err.find("the server was lost; the session was set up again"), std::string::npos)
       << result.err;
   const auto lines = result.lines();
-  ASSERT_EQ(lines.size(), 1002U) << "the first plan, all ticks, a summary";
+  ASSERT_EQ(lines.size(), 1002U) << "the first plan, all control steps, a summary";
   EXPECT_EQ(std::count_if(lines.begin(), lines.end() - 1, [](const Json& line) { return line["reopened"]; }),
             1);
 }

@@ -91,7 +91,7 @@ class Page(unittest.TestCase):
         rocket, tiny = server.example("rocket"), server.tiny()
         server.run("solve", "--quiet", rocket, tiny)
         server.run("solve", "--quiet", "--option", "max_iterations=3", rocket, check=False)
-        server.run("mpc", "hopper", "--ticks", 3)
+        server.run("mpc", "hopper", "--control-steps", 3)
         self.open(server)
         self.count_of_jobs(4)
         info, jobs = server.info(), server.jobs()
@@ -125,7 +125,7 @@ class Page(unittest.TestCase):
         self.live()
         self.browser.wait_text("#success", "none finished in the last minute")
         self.browser.driver.get("about:blank")
-        server.run("mpc", "hopper", "--ticks", 3)
+        server.run("mpc", "hopper", "--control-steps", 3)
         self.open(server)
         self.browser.wait_text("#success", "100 % solved, last minute")
         self.assertEqual(self.browser.find("#success").get_attribute("title"), "4 of 4 solves in the last minute")
@@ -489,7 +489,7 @@ class Page(unittest.TestCase):
                                     "R": {"rows": 1, "cols": 2, "i": [0, 0], "j": [0, 1], "v": [1, -1]}, "r": [0]}))
         demand.write_text(json.dumps({"seed": 7, "first_stage": [0], "quantities": [
             {"location": -5, "scale": 10, "effects": [{"part": "l"}]}]}))
-        content = server.run("scenarios", "--output", "json", "--first", "8", "--most", "256", "--sampler", demand, shop)
+        content = server.run("scenarios", "--output", "json", "--initial-sample-size", "8", "--max-sample-size", "256", "--sampler", demand, shop)
         levels = [json.loads(line) for line in content.splitlines()][:-1]
         [job] = server.jobs()
         self.open(server, f"/#/jobs/{job['job_id']}")
@@ -729,7 +729,7 @@ class Page(unittest.TestCase):
         server.environment["MARBLE_CLIENT_NAME"] = "nightly"
         server.run("batch", *([rocket] * 8 + [tiny] * 6))
         server.environment["MARBLE_CLIENT_NAME"] = "walker"
-        server.run("mpc", "hopper", "--ticks", 12)
+        server.run("mpc", "hopper", "--control-steps", 12)
         server.run("solve", "--quiet", hopper)
         server.environment["MARBLE_CLIENT_NAME"] = "experiments"
         server.run("solve", "--quiet", "--option", "max_iterations=12", "--option", "path=paper", gates, check=False)
@@ -741,7 +741,7 @@ class Page(unittest.TestCase):
         self.open(server)
         self.live()
         server.environment["MARBLE_CLIENT_NAME"] = "walker"
-        server.begin("mpc", "hopper", "--ticks", "100000")
+        server.begin("mpc", "hopper", "--control-steps", "100000")
         end = time.monotonic() + float(os.environ.get("MARBLE_PICTURE_S", "0"))
         self.work(server)
         while time.monotonic() < end:

@@ -23,7 +23,7 @@ struct MpcArguments {
   ServerArguments server;
   SolverArguments solver;
   Priority priority = Priority::by_method;
-  int ticks = 50;
+  int control_steps = 50;
   int steps = 60;
   std::uint64_t seed = 0;
   bool cold = false;
@@ -37,7 +37,7 @@ int fails(const MpcArguments& arguments, const Error& error) {
   return exit_code_of_local(error);
 }
 
-struct Tick {
+struct ControlStep {
   RemoteSolution answer;
   double round_trip_ms = 0.0;
 };
@@ -70,42 +70,43 @@ Expected<void> prepare(Session& session, ProblemUpdate& update, UpdateControls& 
   return {};
 }
 
-void report_tick(const MpcArguments& arguments, int number, const Tick& tick) {
-  const RemoteSolution& s = tick.answer;
+void report_step(const MpcArguments& arguments, int number, const ControlStep& step) {
+  const RemoteSolution& s = step.answer;
   if (s.reopened) complain("the server was lost; the session was set up again as " + s.job_id);
   if (arguments.server.json()) {
-    std::cout << line({{"tick", number},
+    std::cout << line({{"step", number},
                        {"status", to_string(s.status)},
                        {"objective", s.objective},
                        {"iterations", s.iterations},
                        {"factorizations", s.factorizations},
                        {"solve_ms", 1e3 * s.times.solve_s},
-                       {"round_trip_ms", tick.round_trip_ms},
+                       {"round_trip_ms", step.round_trip_ms},
                        {"reopened", s.reopened}})
               << '\n'
               << std::flush;
     return;
   }
   if (number == 0)
-    std::printf("%5s %-16s %6s %10s %14s %15s\n", "tick", "status", "fact", "solve ms", "round trip ms",
+    std::printf("%5s %-16s %6s %10s %14s %15s\n", "step", "status", "fact", "solve ms", "round trip ms",
                 "objective");
   std::printf("%5d %-16s %6d %10.3f %14.3f %15.7e\n", number, to_string(s.status), s.factorizations,
-              1e3 * s.times.solve_s, tick.round_trip_ms, s.objective);
+              1e3 * s.times.solve_s, step.round_trip_ms, s.objective);
   std::fflush(stdout);
 }
 
 // Excludes the first control step, which has no solution to start from.
-void report_summary(const MpcArguments& arguments, const Session& session, const std::vector<Tick>& ticks) {
+void report_summary(const MpcArguments& arguments, const Session& session,
+                    const std::vector<ControlStep>& steps) {
   std::vector<double> factorizations, solve_ms, round_trip_ms;
-  for (std::size_t i = 1; i < ticks.size(); ++i) {
-    factorizations.push_back(ticks[i].answer.factorizations);
-    solve_ms.push_back(1e3 * ticks[i].answer.times.solve_s);
-    round_trip_ms.push_back(ticks[i].round_trip_ms);
+  for (std::size_t i = 1; i < steps.size(); ++i) {
+    factorizations.push_back(steps[i].answer.factorizations);
+    solve_ms.push_back(1e3 * steps[i].answer.times.solve_s);
+    round_trip_ms.push_back(steps[i].round_trip_ms);
   }
   const char* start = arguments.cold ? "cold" : "warm";
   if (arguments.server.json()) {
     std::cout << line({{"summary", start},
-                       {"ticks", solve_ms.size()},
+                       {"control_steps", solve_ms.size()},
                        {"job_id", session.job_id()},
                        {"median_factorizations", median(factorizations)},
                        {"median_solve_ms", median(solve_ms)},
@@ -116,7 +117,8 @@ void report_summary(const MpcArguments& arguments, const Session& session, const
     return;
   }
   std::printf(
-      "median of %zu %s ticks: %.1f factorizations, %.3f ms solve, %.3f ms round trip; set-up %.3f ms\n",
+      "median of %zu %s control steps: %.1f factorizations, %.3f ms solve, %.3f ms round trip; set-up %.3f "
+      "ms\n",
       solve_ms.size(), start, median(factorizations), median(solve_ms), median(round_trip_ms),
       1e3 * session.setup_s());
 }
@@ -124,28 +126,28 @@ void report_summary(const MpcArguments& arguments, const Session& session, const
 int run_loop(const MpcArguments& arguments, Session& session, examples::HopperParameters parameters,
              OwnedProblem problem) {
   int exit_code = kAllSolved;
-  std::vector<Tick> ticks;
+  std::vector<ControlStep> steps;
   UpdateControls controls;
   controls.cold = arguments.cold;
   ProblemUpdate update;
   OwnedProblem next;
-  for (int number = 0; number <= arguments.ticks; ++number) {
-    UpdateControls of_tick = controls;
+  for (int number = 0; number <= arguments.control_steps; ++number) {
+    UpdateControls of_step = controls;
     // The time between two control steps belongs to the controller.
-    const auto prepared = arguments.prepare ? prepare(session, update, of_tick) : Expected<void>();
+    const auto prepared = arguments.prepare ? prepare(session, update, of_step) : Expected<void>();
     if (!prepared) return worse(exit_code, fails(arguments, prepared.error()));
     const auto begin = std::chrono::steady_clock::now();
-    auto answer = session.solve(update, of_tick);
+    auto answer = session.solve(update, of_step);
     const std::chrono::duration<double, std::milli> round_trip = std::chrono::steady_clock::now() - begin;
     if (!answer) {
-      report_summary(arguments, session, ticks);
+      report_summary(arguments, session, steps);
       const int outcome = exit_code_of(answer.error());
       static_cast<void>(fails(arguments, answer.error()));
       return worse(exit_code, outcome);
     }
-    ticks.push_back({std::move(*answer), round_trip.count()});
-    const RemoteSolution& plan = ticks.back().answer;
-    report_tick(arguments, number, ticks.back());
+    steps.push_back({std::move(*answer), round_trip.count()});
+    const RemoteSolution& plan = steps.back().answer;
+    report_step(arguments, number, steps.back());
     if (!is_solved(plan.status)) exit_code = kNotSolved;
     parameters = examples::advance(parameters, plan.z);
     next = examples::hopper(parameters);
@@ -153,7 +155,7 @@ int run_loop(const MpcArguments& arguments, Session& session, examples::HopperPa
     std::swap(problem, next);  // moves no array: the update still views the newer one
     if (!arguments.cold) controls.shift = Shift::by_stage(problem.view(), arguments.steps).value();
   }
-  report_summary(arguments, session, ticks);
+  report_summary(arguments, session, steps);
   return exit_code;
 }
 
@@ -196,7 +198,7 @@ void add_mpc(CLI::App& program, int& exit_code) {
                  "solve in this process, without a server; the results are identical to the last bit")
       ->excludes(command->get_option("--server"));
   add_solver_arguments(*command, arguments->solver);
-  command->add_option("--ticks", arguments->ticks, "number of control steps")
+  command->add_option("--control-steps", arguments->control_steps, "number of control steps")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
   command->add_option("--steps", arguments->steps, "number of stages of the horizon")

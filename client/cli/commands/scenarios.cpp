@@ -164,12 +164,12 @@ void add_scenarios(CLI::App& program, int& exit_code) {
   add_solver_arguments(*command, arguments->solver);
   ScenarioSettings& settings = arguments->settings;
   command
-      ->add_option("--first", settings.initial_sample_size,
+      ->add_option("--initial-sample-size", settings.initial_sample_size,
                    "number of scenarios of the first stage of the approximation")
       ->capture_default_str();
   command->add_option("--growth", settings.growth, "factor by which each stage has more scenarios")
       ->capture_default_str();
-  command->add_option("--most", settings.max_sample_size, "largest number of scenarios")
+  command->add_option("--max-sample-size", settings.max_sample_size, "largest number of scenarios")
       ->capture_default_str();
   command
       ->add_option("--tolerance", settings.tolerance,
@@ -177,11 +177,11 @@ void add_scenarios(CLI::App& program, int& exit_code) {
                    "fraction of the cost; 0: never")
       ->capture_default_str();
   command
-      ->add_option("--least", settings.min_sample_size,
+      ->add_option("--min-sample-size", settings.min_sample_size,
                    "smallest number of scenarios at which --tolerance may stop")
       ->capture_default_str();
   command
-      ->add_option("--out_of_sample", settings.out_of_sample_scenarios,
+      ->add_option("--out-of-sample-scenarios", settings.out_of_sample_scenarios,
                    "number of out-of-sample scenarios that evaluate a plan")
       ->capture_default_str();
   command->footer(kExitCodes);

@@ -40,7 +40,7 @@ test("proof prints incumbent and bound, and what is proved", async () => {
 test("mpc follows the same closed loop as marble mpc", async () => {
   const printed = await run("mpc", server.file("hopper.json"), "5");
   const objectives = [...printed.matchAll(/objective (\S+)/g)].map(([, text]) => Number(text));
-  const expected = marble("mpc", "hopper", "--ticks", "5", "--output", "json", "--server", server.address)
+  const expected = marble("mpc", "hopper", "--control-steps", "5", "--output", "json", "--server", server.address)
     .trim()
     .split("\n")
     .map((line) => JSON.parse(line) as { objective?: number })

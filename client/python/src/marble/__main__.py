@@ -115,7 +115,7 @@ def _convert(arguments: argparse.Namespace) -> int:
 def _info(client: Client, _: argparse.Namespace) -> int:
     info = client.info()
     print(f"marble-server {info.version} at {client.address}: {info.workers} workers, up {info.uptime_s:.0f} s")
-    print(f"you are {info.client or 'nobody'}, and may {', '.join(info.roles)}")
+    print(f"you are {info.client or 'unauthenticated'}, and may {', '.join(info.roles)}")
     for title, numbers in (("limits", info.limits), ("counters", info.counters)):
         print(f"{title}:")
         for name, number in numbers.items():
