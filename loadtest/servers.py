@@ -3,17 +3,15 @@
 import os
 import signal
 import socket
-import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/deploy"))
 
-from fleet import BUILD, eventually  # noqa: E402
+from fleet import BUILD, MarbleProcess  # noqa: E402
 
 
-class Server:
+class Server(MarbleProcess):
     """flags: further ones of marble-server. stderr: as in subprocess.Popen."""
 
     def __init__(self, *flags, stderr=None):
@@ -24,21 +22,10 @@ class Server:
 
     def start(self, fault=""):
         """fault: MARBLE_FAULT_POINT, where the server kills itself."""
-        with tempfile.TemporaryDirectory() as folder:
-            ready = Path(folder) / "addresses"
-            self.process = subprocess.Popen(
-                [BUILD / "bin/marble-server", "--listen", self.address, "--http", "none", "--workers", "1",
-                 "--log-level", "error", "--address-file", ready, *self.flags],
-                env={**os.environ, "MARBLE_FAULT_POINT": fault}, stdin=subprocess.DEVNULL, stderr=self.stderr)
-            eventually(lambda: ready.exists() or self.process.poll() is not None, "a server's start")
-            assert self.process.poll() is None
+        super().start(BUILD / "bin/marble-server", "--listen", self.address, "--http", "none", "--workers", "1",
+                      "--log-level", "error", *self.flags, env={**os.environ, "MARBLE_FAULT_POINT": fault},
+                      stderr=self.stderr)
 
     def stop(self, how):
         """By a signal: SIGTERM drains the server."""
-        self.process.send_signal(how)
-        assert self.process.wait(timeout=120) == (0 if how == signal.SIGTERM else -how)
-
-    def kill(self):
-        """Also one that has ended by itself."""
-        self.process.kill()
-        self.process.wait()
+        assert super().stop(how) == (0 if how == signal.SIGTERM else -how)

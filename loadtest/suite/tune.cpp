@@ -52,6 +52,7 @@ Number number(const char* name, T& variable, Basis basis) {
 std::vector<Number> all_numbers() {
   using enum Basis;
   return {
+#undef MARBLE_TUNING
 #define MARBLE_TUNING(type, name, value, unit, what, basis, why) number(#name, tuning::name, basis),
 #include "model/tuning.def"
 #include "research/tuning.def"

@@ -8,6 +8,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -19,20 +20,14 @@ from marble.message.requests import Call, solve
 from marble.model import problem_file
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests/support"))
+
+from marble_process import MarbleProcess, eventually  # noqa: E402
+
 BUILD = Path(os.environ["MARBLE_BUILD_DIR"])
 PROXIES = ROOT / "deploy/proxies"
 HOSTS = {"a": "10.0.0.11", "b": "10.0.0.12", "c": "10.0.0.13"}
 FRONT = "10.0.0.10:50051"
-
-
-def eventually(condition, what, limit_s=120):
-    end = time.monotonic() + limit_s
-    while time.monotonic() < end:
-        value = condition()
-        if value:
-            return value
-        time.sleep(0.02)
-    raise AssertionError(f"never happened: {what}")
 
 
 def add_addresses():
@@ -50,33 +45,23 @@ def example(name="hopper", steps=10):
     return problem_file.parse(example_file(name, steps))
 
 
-class Server:
+class Server(MarbleProcess):
     def __init__(self, name, flags=(), before=None):
         self.name, self.address = name, f"{HOSTS[name]}:50051"
         self.flags, self.before = flags, before
         self.start()
 
     def start(self):
-        with tempfile.TemporaryDirectory() as folder:
-            ready = Path(folder) / "addresses"
-            self.process = subprocess.Popen(
-                [BUILD / "bin/marble-server", "--listen", self.address, "--http", f"{HOSTS[self.name]}:50080", "--insecure", "--allow-anonymous",
-                 "--workers", "1", "--log-level", "warn", "--address-file", ready, *self.flags],
-                stdin=subprocess.DEVNULL, preexec_fn=self.before)
-            eventually(lambda: ready.exists() or self.process.poll() is not None, "a server's start")
-            assert self.process.poll() is None
+        super().start(BUILD / "bin/marble-server", "--listen", self.address, "--http", f"{HOSTS[self.name]}:50080",
+                      "--insecure", "--allow-anonymous", "--workers", "1", "--log-level", "warn", *self.flags,
+                      preexec_fn=self.before)
 
     def answered(self):
         with marble.Client(self.address) as client:
             return int(client.info().counters["answered_total"])
 
-    def kill(self):
-        self.process.kill()
-        self.process.wait()
-
     def stop(self):
-        self.process.send_signal(signal.SIGTERM)
-        assert self.process.wait(timeout=120) == 0
+        assert super().stop(signal.SIGTERM) == 0
 
     def close(self):
         if self.process.poll() is None:

@@ -5,23 +5,20 @@ import math
 import os
 import socket
 import subprocess
+import sys
 import tempfile
-import time
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+
+import marble_process  # noqa: E402
 
 PATIENCE_S = 30
 
 
 def eventually(condition, what):
-    """Waits for a true value of `condition()` and returns it; fails after PATIENCE_S."""
-    end = time.monotonic() + PATIENCE_S
-    while True:
-        value = condition()
-        if value:
-            return value
-        if time.monotonic() > end:
-            raise AssertionError(f"never happened: {what() if callable(what) else what}")
-        time.sleep(0.05)
+    """See marble_process; fails after PATIENCE_S."""
+    return marble_process.eventually(condition, what, PATIENCE_S)
 
 
 def free_port():
@@ -30,7 +27,7 @@ def free_port():
         return probe.getsockname()[1]
 
 
-class Server:
+class Server(marble_process.MarbleProcess):
     """A running server; `flags` follow --listen and --http on loopback."""
 
     # Options that make the solve of a chain take a million iterations: kappa = 1 and tiny steps of rho.
@@ -45,14 +42,10 @@ class Server:
         self.marble = str(Path(binaries) / "marble")
         self.environment = {**os.environ, "MARBLE_SERVER": "unset"}
         self.background = []
-        addresses = self.folder / "addresses"
         self.log = open(self.folder / "log", "wb")
-        self.process = subprocess.Popen(
-            [str(Path(binaries) / "marble-server"), "--listen", "127.0.0.1:0", "--http", f"127.0.0.1:{http_port}",
-             "--address-file", str(addresses), *flags], stdout=self.log, stderr=self.log)
-        eventually(lambda: addresses.exists() or self.process.poll() is not None, "the server's addresses")
-        assert self.process.poll() is None, (self.folder / "log").read_text()
-        self.address, self.http = addresses.read_text().split()
+        self.start(Path(binaries) / "marble-server", "--listen", "127.0.0.1:0", "--http", f"127.0.0.1:{http_port}",
+                   *flags, stdout=self.log, stderr=self.log)
+        self.address, self.http = self.addresses
         self.environment["MARBLE_SERVER"] = self.address
 
     def run(self, *arguments, check=True, **keywords):

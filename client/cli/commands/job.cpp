@@ -61,28 +61,23 @@ void print_options(const Options& options) {
 // "equalities 0, 3; left sides 2"
 std::string parts_text(const Conflict& conflict) {
   std::string text;
-  const auto add = [&text](const char* kind, const std::vector<Index>& indices) {
+  for (const ConflictKind& kind : kConflictKinds) {
+    const std::vector<Index>& indices = conflict.*kind.indices;
     for (std::size_t k = 0; k < indices.size(); ++k) {
-      text += k > 0 ? ", " : (text.empty() ? "" : "; ") + std::string(kind) + " ";
+      text += k > 0 ? ", " : (text.empty() ? "" : "; ") + std::string(kind.several) + " ";
       text += std::to_string(indices[k]);
     }
-  };
-  add("equalities", conflict.equalities);
-  add("inequalities", conflict.inequalities);
-  add("left sides", conflict.left_sides);
-  add("right sides", conflict.right_sides);
-  add("complementarities", conflict.complementarities);
+  }
   return text;
 }
 
 // "inequality 3" for a position in the certificate.
 std::string row_text(const JobInfo& job, Index row) {
-  for (const auto& [kind, count] : {std::pair("equality", job.equalities),
-                                    {"inequality", job.inequalities},
-                                    {"left side", job.pairs},
-                                    {"right side", job.pairs}}) {
-    if (row < count) return kind + (" " + std::to_string(row));
+  std::size_t kind = 0;
+  for (const Index count : {job.equalities, job.inequalities, job.pairs, job.pairs}) {
+    if (row < count) return kConflictKinds[kind].one + (" " + std::to_string(row));
     row -= count;
+    ++kind;
   }
   return "row " + std::to_string(row);
 }

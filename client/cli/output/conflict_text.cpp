@@ -77,31 +77,30 @@ std::vector<ConflictLine> conflict_lines(const OwnedProblem& p, const ProblemNam
   const std::size_t rows = p.b.size() + p.d.size() + 2 * p.l.size();
   const bool known = conflict.complementarities.empty() && certificate.size() == rows;
   std::vector<ConflictLine> lines;
-  const auto add = [&](const std::vector<Index>& indices, const char* kind,
-                       const std::vector<std::string>& of, const std::string& letter, const auto& text,
+  std::size_t kind = 0;
+  const auto add = [&](const std::vector<std::string>& of, const std::string& letter, const auto& text,
                        std::size_t first) {
-    for (const Index index : indices) {
+    const auto& [name, several, indices] = kConflictKinds[kind++];
+    for (const Index index : conflict.*indices) {
       lines.push_back(
-          {kind, index, Writer::named(of, index, letter + "[" + std::to_string(index) + "]"), text(index)});
+          {name, index, Writer::named(of, index, letter + "[" + std::to_string(index) + "]"), text(index)});
       if (!known) continue;
       const double multiplier = std::abs(certificate[first + static_cast<std::size_t>(index)]);
       if (multiplier > 0.0) lines.back().relax = 1.0 / multiplier;
     }
   };
   add(
-      conflict.equalities, "equality", names.equalities, "A",
-      [&](Index row) { return writer.row(p.A, p.b, row, true); }, 0);
+      names.equalities, "A", [&](Index row) { return writer.row(p.A, p.b, row, true); }, 0);
   add(
-      conflict.inequalities, "inequality", names.inequalities, "C",
-      [&](Index row) { return writer.row(p.C, p.d, row, false); }, p.b.size());
+      names.inequalities, "C", [&](Index row) { return writer.row(p.C, p.d, row, false); }, p.b.size());
   add(
-      conflict.left_sides, "left side", names.pairs, "pair",
-      [&](Index pair) { return writer.row(p.L, p.l, pair, false); }, p.b.size() + p.d.size());
+      names.pairs, "pair", [&](Index pair) { return writer.row(p.L, p.l, pair, false); },
+      p.b.size() + p.d.size());
   add(
-      conflict.right_sides, "right side", names.pairs, "pair",
-      [&](Index pair) { return writer.row(p.R, p.r, pair, false); }, p.b.size() + p.d.size() + p.l.size());
+      names.pairs, "pair", [&](Index pair) { return writer.row(p.R, p.r, pair, false); },
+      p.b.size() + p.d.size() + p.l.size());
   add(
-      conflict.complementarities, "complementarity", names.pairs, "pair",
+      names.pairs, "pair",
       [&](Index pair) {
         return writer.row(p.L, p.l, pair, true) + "  or  " + writer.row(p.R, p.r, pair, true);
       },

@@ -14,6 +14,10 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
+double reach_from(const ScaledProblem& p, ConstVectorRef z) {
+  return tuning::tree_radius * (1.0 + max_abs(z.cwiseProduct(p.variable_scale)));
+}
+
 Box::Box(const ScaledProblem& p, double far, int passes) {
   lower.setConstant(p.variables(), -kInfinity);
   upper.setConstant(p.variables(), kInfinity);

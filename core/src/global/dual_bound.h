@@ -18,6 +18,10 @@
 
 namespace marble {
 
+/// Returns how far out, in user units, bounds of a tree that starts from z hold where no row bounds a
+/// variable.
+[[nodiscard]] double reach_from(const ScaledProblem& problem, ConstVectorRef z);
+
 /// Bounds of z, scaled.
 struct Box {
   /// Computes the bounds that the rows imply, each with the bounds of its other variables, in this number of

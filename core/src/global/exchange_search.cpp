@@ -47,8 +47,7 @@ bool ExchangeSearch::prepare(Run& run, double most_bytes) {
   if (kkt == nullptr) return false;
   gram_ = std::make_unique<Gram>(problem_);
   engine_ = std::make_unique<Relaxation>(problem_, std::move(kkt), *gram_);
-  const double size = max_abs(incumbent_.best().x.z().cwiseProduct(problem_.variable_scale));
-  box_.emplace(problem_, tuning::tree_radius * (1.0 + size));
+  box_.emplace(problem_, reach_from(problem_, incumbent_.best().x.z()));
   return engine_->bytes() <= bytes && engine_->prepare(run);
 }
 

@@ -32,7 +32,7 @@ bool Projection::start(Run& run, ConstVectorRef target) {
   ++run.factorizations;
   if (!system_->factor(tuning::exact_rho, tuning::tree_delta)) return false;
   const Vector center = -nearest_.g, none = Vector::Zero(nearest_.layout.size());
-  far_ = tuning::tree_radius * (1.0 + max_abs(center.cwiseProduct(nearest_.variable_scale)));
+  far_ = reach_from(nearest_, center);
   box_.emplace(nearest_, far_, tuning::set_box_passes);
   Vector z = center, y = Vector::Zero(nearest_.equalities()), slacks(nearest_.layout.size());
   if (!system_->minimize(none, z, y)) return false;

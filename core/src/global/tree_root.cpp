@@ -16,7 +16,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Makes the root around the incumbent, or around z, and bounds it with what is available without an engine.
 Node Tree::make_root(ConstVectorRef z) {
   from_ = incumbent_.exists() ? Vector(incumbent_.best().x.z()) : Vector(z);
-  radius_ = tuning::tree_radius * (1.0 + max_abs(from_.cwiseProduct(problem_.variable_scale)));
+  radius_ = reach_from(problem_, from_);
   box_.emplace(problem_, radius_);
   ++nodes_;
   const Fixings none(static_cast<std::size_t>(problem_.pairs()));

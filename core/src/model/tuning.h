@@ -10,11 +10,12 @@
 namespace marble::tuning {
 
 #ifdef MARBLE_TUNABLE
-#define MARBLE_TUNING(type, name, value, unit, what, basis, why) inline type name = value;
+#define MARBLE_TUNED inline
 #else
-#define MARBLE_TUNING(type, name, value, unit, what, basis, why) inline constexpr type name = value;
+#define MARBLE_TUNED inline constexpr
 #endif
+// research/tuning.h uses it too.
+#define MARBLE_TUNING(type, name, value, unit, what, basis, why) MARBLE_TUNED type name = value;
 #include "model/tuning.def"
-#undef MARBLE_TUNING
 
 }  // namespace marble::tuning

@@ -5,12 +5,6 @@
 
 namespace marble::tuning {
 
-#ifdef MARBLE_TUNABLE
-#define MARBLE_TUNING(type, name, value, unit, what, basis, why) inline type name = value;
-#else
-#define MARBLE_TUNING(type, name, value, unit, what, basis, why) inline constexpr type name = value;
-#endif
 #include "research/tuning.def"
-#undef MARBLE_TUNING
 
 }  // namespace marble::tuning
