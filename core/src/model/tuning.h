@@ -18,4 +18,12 @@ namespace marble::tuning {
 #define MARBLE_TUNING(type, name, value, unit, what, basis, why) MARBLE_TUNED type name = value;
 #include "model/tuning.def"
 
+// Derived from these. A sweep does not change them.
+/// Scaled: a point farther out than this left along a direction that nothing bounds; a δ above it is of no
+/// use.
+MARBLE_TUNED double runaway = 1.0 / rounding;
+/// A scale factor stays within this of 1, and the curvature of a barrier below it: above the root of the
+/// range that doubles resolve, rounding of a row times this is no multiplier.
+MARBLE_TUNED double scale_range = 1.0 / zero;
+
 }  // namespace marble::tuning
