@@ -51,7 +51,7 @@ void take_settings(const v1::Coupled& message, CoupledOptions& settings) {
   if (message.has_proximal()) settings.proximal = message.proximal();
   if (message.has_max_iterations()) settings.max_iterations = message.max_iterations();
   if (message.has_freeze_after()) settings.freeze_after = message.freeze_after();
-  if (message.has_searches()) settings.searches = message.searches();
+  if (message.has_max_searches()) settings.max_searches = message.max_searches();
   if (message.has_max_pair_switches()) settings.max_pair_switches = message.max_pair_switches();
   if (message.has_tolerance()) settings.tolerance = message.tolerance();
   if (message.has_joint()) settings.joint = message.joint();
@@ -62,7 +62,7 @@ void to_message(const CoupledOptions& settings, v1::Coupled* message) {
   message->set_proximal(settings.proximal);
   message->set_max_iterations(settings.max_iterations);
   message->set_freeze_after(settings.freeze_after);
-  message->set_searches(settings.searches);
+  message->set_max_searches(settings.max_searches);
   message->set_max_pair_switches(settings.max_pair_switches);
   message->set_tolerance(settings.tolerance);
   message->set_joint(settings.joint);

@@ -31,7 +31,7 @@ void take(const py::dict& given, CoupledOptions& settings) {
   set("proximal", settings.proximal);
   set("max_iterations", settings.max_iterations);
   set("freeze_after", settings.freeze_after);
-  set("searches", settings.searches);
+  set("max_searches", settings.max_searches);
   set("max_pair_switches", settings.max_pair_switches);
   set("tolerance", settings.tolerance);
   set("joint", settings.joint);

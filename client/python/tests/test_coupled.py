@@ -136,8 +136,8 @@ def test_without_a_server_they_have_the_same_bits(client):
     local = marble.Client("local")
     rows: list[marble.Progress] = []
     blocks = [arm(3.0), arm(2.0, "elbow")]
-    here = local.coupled(blocks, [FORCE, None], [1.0], coupling_multipliers=[1.9], searches=1, progress=rows.append)
-    there = client.coupled(blocks, [FORCE, None], [1.0], coupling_multipliers=[1.9], searches=1)
+    here = local.coupled(blocks, [FORCE, None], [1.0], coupling_multipliers=[1.9], max_searches=1, progress=rows.append)
+    there = client.coupled(blocks, [FORCE, None], [1.0], coupling_multipliers=[1.9], max_searches=1)
     assert here.coordination == there.coordination and here.job_id == ""
     np.testing.assert_array_equal(here.solution.z, there.solution.z)
     np.testing.assert_array_equal(here.coupling_multipliers, there.coupling_multipliers)

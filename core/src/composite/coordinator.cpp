@@ -396,7 +396,7 @@ Coordination Coordinator::ended(Status status, std::string detail) {
 Expected<Coordination> Coordinator::run() {
   Expected<End> end = End::not_yet;
   if (options_.freeze_after > 0) end = iterate(std::min(options_.freeze_after, options_.max_iterations));
-  for (int i = 0; end && *end == End::agreed && i < options_.searches; ++i) {
+  for (int i = 0; end && *end == End::agreed && i < options_.max_searches; ++i) {
     const auto gained = search();
     if (!gained) return unexpected(gained.error());
     if (!*gained) break;
@@ -447,7 +447,8 @@ Expected<void> CoupledOptions::check() const {
     return unexpected(invalid("max_iterations", std::to_string(max_iterations), "must be >= 1"));
   if (freeze_after < 0)
     return unexpected(invalid("freeze_after", std::to_string(freeze_after), "must be >= 0"));
-  if (searches < 0) return unexpected(invalid("searches", std::to_string(searches), "must be >= 0"));
+  if (max_searches < 0)
+    return unexpected(invalid("max_searches", std::to_string(max_searches), "must be >= 0"));
   if (max_pair_switches < 0)
     return unexpected(invalid("max_pair_switches", std::to_string(max_pair_switches), "must be >= 0"));
   if (!(tolerance > 0.0 && tolerance < 1.0))

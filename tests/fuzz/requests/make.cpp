@@ -400,7 +400,7 @@ v1::SolveRequest make_coupled(Draw& draw) {
   if (draw.chance(20)) c.set_joint_search(draw.chance(50));
   if (draw.chance(20)) c.set_max_iterations(draw.between(1, 20));
   if (draw.chance(20)) c.set_freeze_after(draw.between(0, 5));
-  if (draw.chance(20)) c.set_searches(draw.between(0, 2));
+  if (draw.chance(20)) c.set_max_searches(draw.between(0, 2));
   if (draw.chance(20)) c.set_max_pair_switches(draw.between(0, 3));
   if (draw.chance(10)) c.set_proximal(draw.chance(50) ? 10.0 : draw.hostile());
   if (draw.chance(10)) c.set_tolerance(draw.chance(50) ? 1e-6 : draw.hostile());

@@ -57,7 +57,7 @@ void limit_budgets(v1::SolveRequest* request) {
   if (!request->has_coupled()) return;
   v1::Coupled& c = *request->mutable_coupled();
   if (exceeds(c.has_max_iterations(), c.max_iterations(), 15)) c.set_max_iterations(15);
-  if (exceeds(c.has_searches(), c.searches(), 1)) c.set_searches(1);
+  if (exceeds(c.has_max_searches(), c.max_searches(), 1)) c.set_max_searches(1);
   if (exceeds(c.has_max_pair_switches(), c.max_pair_switches(), 2)) c.set_max_pair_switches(2);
 }
 

@@ -60,7 +60,7 @@ TEST(Coupled, OneStepOfConvexBlocksWithoutPairsIsTheSolutionOfTheJointKkt) {
     const testing::OwnedCoupled coupled =
         random_coupled({.blocks = 4, .variables = 5, .pairs = 0, .rows = 3}, seed);
     CoupledOptions options;
-    options.joint = false, options.searches = 0;
+    options.joint = false, options.max_searches = 0;
     const CoupledSolution answer = solve_coupled(coupled.view(), options).value();
     ASSERT_EQ(answer.coordination.status, Status::solved) << answer.coordination.detail;
     EXPECT_EQ(answer.coordination.last.iteration, 2);
@@ -169,7 +169,7 @@ TEST(Coupled, ThreadsChangeNoBit) {
 TEST(Coupled, AStartAtTheAnswerAgreesAtOnce) {
   const testing::OwnedCoupled coupled = random_coupled({}, 3);
   CoupledOptions options;
-  options.searches = 0;
+  options.max_searches = 0;
   const CoupledSolution first = solve_coupled(coupled.view(), options).value();
   ASSERT_EQ(first.coordination.status, Status::solved);
   CoupledStart start{first.coordination.coupling_multipliers, {}};
@@ -306,7 +306,7 @@ TEST(Coupled, ReportsTheViolationsOfABlockThatStopsEarlyByItsOwnRows) {
   block.L = testing::sparse(Eigen::MatrixXd{{1.0, 0.0}}), block.l = {2.0};
   block.R = testing::sparse(Eigen::MatrixXd{{0.0, 1.0}}), block.r = {-10.0};
   const SparseMatrix rows = testing::sparse(Eigen::MatrixXd{{-3.0, 0.0}, {0.0, -0.5}, {-1.0, -2.0}});
-  CoupledOptions options{.max_iterations = 12, .freeze_after = 1, .searches = 1, .max_pair_switches = 2};
+  CoupledOptions options{.max_iterations = 12, .freeze_after = 1, .max_searches = 1, .max_pair_switches = 2};
   options.options.max_iterations = 150;
   options.options.max_local_search_factorizations = options.options.max_feasibility_factorizations = 60;
   const std::vector<double> total(3, 0.0);
@@ -376,7 +376,7 @@ TEST(Coupled, AFaultOfTheOptionsIsNamed) {
   EXPECT_EQ(fault([](CoupledOptions& o) { o.max_iterations = 0; }), "max_iterations");
   EXPECT_EQ(fault([](CoupledOptions& o) { o.freeze_after = -1; }), "freeze_after");
   EXPECT_EQ(fault([](CoupledOptions& o) { o.freeze_after = 0; }), "freeze_after");
-  EXPECT_EQ(fault([](CoupledOptions& o) { o.searches = -1; }), "searches");
+  EXPECT_EQ(fault([](CoupledOptions& o) { o.max_searches = -1; }), "max_searches");
   EXPECT_EQ(fault([](CoupledOptions& o) { o.max_pair_switches = -1; }), "max_pair_switches");
   EXPECT_EQ(fault([](CoupledOptions& o) { o.tolerance = 1.0; }), "tolerance");
 }

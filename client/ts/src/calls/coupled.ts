@@ -53,7 +53,7 @@ export interface PiecesControls extends CommonControls, CallControls {
   /** Iterations after which pairs keep their active side, ≥ 1, for pieces ≥ 0; default 15, for pieces 0. */
   freezeAfter?: number;
   /** Maximum number of branch searches after the blocks agree, ≥ 0; default 3. */
-  searches?: number;
+  maxSearches?: number;
   /** Maximum number of pairs to switch in frozen blocks, ≥ 0; default 20. */
   maxPairSwitches?: number;
   /** Relative tolerance of the coupling rows and of the last step, in (0, 1); default 1e-9, for pieces 1e-8. */
@@ -171,14 +171,14 @@ export function piecesRequest(problem: Problem, cut: Pieces, controls: PiecesCon
 }
 
 function settingsOf(controls: PiecesControls): Message {
-  const { proximal, maxIterations, freezeAfter, searches, maxPairSwitches, tolerance, joint, jointSearch } = controls;
+  const { proximal, maxIterations, freezeAfter, maxSearches, maxPairSwitches, tolerance, joint, jointSearch } = controls;
   for (const [field, value] of Object.entries({ proximal, tolerance })) {
     if (value !== undefined && typeof value !== "number") throw invalid(`coupled.${field}`, "must be a number", { value });
   }
-  for (const [field, value] of Object.entries({ maxIterations, freezeAfter, searches, maxPairSwitches })) {
+  for (const [field, value] of Object.entries({ maxIterations, freezeAfter, maxSearches, maxPairSwitches })) {
     wholeOrZero(`coupled.${field}`, value);
   }
-  const settings = { proximal, maxIterations, freezeAfter, searches, maxPairSwitches, tolerance, joint, jointSearch };
+  const settings = { proximal, maxIterations, freezeAfter, maxSearches, maxPairSwitches, tolerance, joint, jointSearch };
   return { ...Message.fromPartial({}), ...settings };
 }
 

@@ -56,7 +56,7 @@ struct CoupledOptions {
   int freeze_after = 15;
   /// Maximum number of searches, >= 0. Once the blocks agree, each looks for a better branch with the
   /// multipliers found, by a cold solve; if one finds it, the iteration continues.
-  int searches = 3;
+  int max_searches = 3;
   int max_pair_switches =
       20;  ///< maximum number of pairs of frozen blocks that are tried on their other side; >= 0
   double tolerance = 1e-9;  ///< relative, for Σ E_k y_k − e and for the last step; in (0, 1)

@@ -22,8 +22,8 @@ from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.solution import Solution
 
-SETTINGS: Final = ("proximal", "max_iterations", "freeze_after", "searches", "max_pair_switches", "tolerance", "joint",
-                   "joint_search")
+SETTINGS: Final = ("proximal", "max_iterations", "freeze_after", "max_searches", "max_pair_switches", "tolerance",
+                   "joint", "joint_search")
 
 
 def split(given: Mapping[str, Any],
