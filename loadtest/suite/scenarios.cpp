@@ -125,7 +125,7 @@ void levels_of(const ScenarioProblem& problem, std::int64_t most) {
                 level.warm ? "yes" : "no");
     if (level.out_of_sample)
       std::printf(" %6lld %8lld %12.6f %10.4f %8lld", static_cast<long long>(level.out_of_sample->scenarios),
-                  static_cast<long long>(level.out_of_sample->without_recourse), level.out_of_sample->mean,
+                  static_cast<long long>(level.out_of_sample->infeasible), level.out_of_sample->mean,
                   level.out_of_sample->half_width,
                   static_cast<long long>(level.out_of_sample->factorizations));
     std::printf("\n");

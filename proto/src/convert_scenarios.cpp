@@ -112,7 +112,8 @@ void take_settings(const v1::Scenarios& message, ScenarioSettings& settings) {
   if (message.has_max_sample_size()) settings.max_sample_size = message.max_sample_size();
   if (message.has_tolerance()) settings.tolerance = message.tolerance();
   if (message.has_min_sample_size()) settings.min_sample_size = message.min_sample_size();
-  if (message.has_without_recourse()) settings.without_recourse = message.without_recourse();
+  if (message.has_max_infeasible_fraction())
+    settings.max_infeasible_fraction = message.max_infeasible_fraction();
   if (message.has_out_of_sample_scenarios())
     settings.out_of_sample_scenarios = message.out_of_sample_scenarios();
 }
@@ -123,7 +124,7 @@ void to_message(const ScenarioSettings& settings, v1::Scenarios* message) {
   message->set_max_sample_size(settings.max_sample_size);
   message->set_tolerance(settings.tolerance);
   message->set_min_sample_size(settings.min_sample_size);
-  message->set_without_recourse(settings.without_recourse);
+  message->set_max_infeasible_fraction(settings.max_infeasible_fraction);
   message->set_out_of_sample_scenarios(settings.out_of_sample_scenarios);
 }
 
@@ -218,7 +219,7 @@ void to_message(const ScenarioLevel& level, v1::ScenarioLevel* message) {
   if (!level.out_of_sample) return;
   v1::OutOfSample* out_of_sample = message->mutable_out_of_sample();
   out_of_sample->set_scenarios(level.out_of_sample->scenarios);
-  out_of_sample->set_without_recourse(level.out_of_sample->without_recourse);
+  out_of_sample->set_infeasible(level.out_of_sample->infeasible);
   out_of_sample->set_mean(level.out_of_sample->mean);
   out_of_sample->set_half_width(level.out_of_sample->half_width);
   out_of_sample->set_factorizations(level.out_of_sample->factorizations);
@@ -240,9 +241,8 @@ ScenarioLevel scenario_level_of(const v1::ScenarioLevel& message) {
                       .memory_bytes = message.memory_bytes()};
   if (!message.has_out_of_sample()) return level;
   const v1::OutOfSample& out_of_sample = message.out_of_sample();
-  level.out_of_sample = {out_of_sample.scenarios(),      out_of_sample.without_recourse(),
-                         out_of_sample.mean(),           out_of_sample.half_width(),
-                         out_of_sample.factorizations(), out_of_sample.seconds()};
+  level.out_of_sample = {out_of_sample.scenarios(),  out_of_sample.infeasible(),     out_of_sample.mean(),
+                         out_of_sample.half_width(), out_of_sample.factorizations(), out_of_sample.seconds()};
   return level;
 }
 

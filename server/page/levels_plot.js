@@ -31,7 +31,7 @@ function interval({ objective, out_of_sample: sample, status }, place) {
 function sampleCells(sample) {
   if (!sample) return ["", ""];
   const half = Number.isFinite(sample.half_width) ? ` ± ${real(sample.half_width)}` : "";
-  return [`${real(sample.mean)}${half}`, sample.without_recourse > 0 ? `${whole(sample.without_recourse)} of ${whole(sample.scenarios)}` : "none"];
+  return [`${real(sample.mean)}${half}`, sample.infeasible > 0 ? `${whole(sample.infeasible)} of ${whole(sample.scenarios)}` : "none"];
 }
 
 /** One row per level, with its interval as a bar and its cost as a mark. */

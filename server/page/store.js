@@ -56,7 +56,7 @@ function toLevel(level) {
   return {
     ...numbers(level, ["scenarios", "objective", "factorizations", "seconds"]),
     status: short(level.status, "STATUS_"),
-    out_of_sample: level.out_of_sample ? numbers(level.out_of_sample, ["scenarios", "without_recourse", "mean", "half_width"]) : null,
+    out_of_sample: level.out_of_sample ? numbers(level.out_of_sample, ["scenarios", "infeasible", "mean", "half_width"]) : null,
   };
 }
 

@@ -33,7 +33,7 @@ int file_fails(const std::string& path, const Error& error) {
 
 Json out_of_sample_json(const OutOfSample& out_of_sample) {
   return {{"scenarios", out_of_sample.scenarios},
-          {"without_recourse", out_of_sample.without_recourse},
+          {"infeasible", out_of_sample.infeasible},
           {"mean", out_of_sample.mean},
           {"half_width", std::isfinite(out_of_sample.half_width) ? Json(out_of_sample.half_width) : Json()},
           {"factorizations", out_of_sample.factorizations}};
@@ -65,7 +65,7 @@ void report_level(const ScenarioArguments& arguments, const ScenarioLevel& level
     std::snprintf(text, sizeof text, "%.7g +- %.3g", level.out_of_sample->mean,
                   level.out_of_sample->half_width);
     others = text;
-    no_way = std::to_string(level.out_of_sample->without_recourse) + "/" +
+    no_way = std::to_string(level.out_of_sample->infeasible) + "/" +
              std::to_string(level.out_of_sample->scenarios);
   }
   std::printf("%7lld %-14s %15.7e %31s %9s %8lld %8.3f\n", static_cast<long long>(level.scenarios),

@@ -66,7 +66,7 @@ ScenarioSettings settings_of(const py::dict& given) {
   settings.max_sample_size = given["max_sample_size"].cast<std::int64_t>();
   settings.tolerance = given["tolerance"].cast<double>();
   settings.min_sample_size = given["min_sample_size"].cast<std::int64_t>();
-  settings.without_recourse = given["without_recourse"].cast<double>();
+  settings.max_infeasible_fraction = given["max_infeasible_fraction"].cast<double>();
   settings.out_of_sample_scenarios = given["out_of_sample_scenarios"].cast<std::int64_t>();
   return settings;
 }
@@ -82,8 +82,8 @@ py::dict dict_of(const ScenarioLevel& l) {
   level["memory_bytes"] = l.memory_bytes;
   level["out_of_sample"] = py::none();
   if (const auto& f = l.out_of_sample) {
-    level["out_of_sample"] = py::make_tuple(f->scenarios, f->without_recourse, f->mean, f->half_width,
-                                            f->factorizations, f->seconds);
+    level["out_of_sample"] =
+        py::make_tuple(f->scenarios, f->infeasible, f->mean, f->half_width, f->factorizations, f->seconds);
   }
   return level;
 }

@@ -102,7 +102,7 @@ OutOfSample judged(std::span<const ScenarioNumbers> scenarios, std::span<const R
   for (std::size_t s = 0; s < scenarios.size(); ++s) {
     result.factorizations += recourse[s].solution.factorizations;
     if (!recourse[s].found()) {
-      ++result.without_recourse;
+      ++result.infeasible;
       continue;
     }
     const double own = scenarios[s].weight / unit;
@@ -110,7 +110,7 @@ OutOfSample judged(std::span<const ScenarioNumbers> scenarios, std::span<const R
     squares += own * own;
     sum += own * recourse[s].solution.objective;
   }
-  const auto found = static_cast<double>(result.scenarios - result.without_recourse);
+  const auto found = static_cast<double>(result.scenarios - result.infeasible);
   if (found == 0.0) return result;
   constexpr double kLargest = std::numeric_limits<double>::max();
   result.mean = std::isnan(sum) ? 0.0 : std::clamp(sum / weight, -kLargest, kLargest);

@@ -42,8 +42,8 @@ Expected<void> validate_settings(const ScenarioSettings& s) {
         check(std::isfinite(s.tolerance) && s.tolerance >= 0.0, "tolerance", s.tolerance,
               "must be finite and >= 0"),
         check(s.min_sample_size >= 1, "min_sample_size", s.min_sample_size, "must be >= 1"),
-        check(s.without_recourse >= 0.0 && s.without_recourse <= 1.0, "without_recourse", s.without_recourse,
-              "must be in [0, 1]"),
+        check(s.max_infeasible_fraction >= 0.0 && s.max_infeasible_fraction <= 1.0, "max_infeasible_fraction",
+              s.max_infeasible_fraction, "must be in [0, 1]"),
         check(s.out_of_sample_scenarios >= 0, "out_of_sample_scenarios", s.out_of_sample_scenarios,
               "must be >= 0")}) {
     if (!valid) return valid;
@@ -378,8 +378,8 @@ class Levels {
     if (settings_.tolerance == 0.0 || level.scenarios < settings_.min_sample_size || !level.out_of_sample)
       return std::nullopt;
     const OutOfSample& out_of_sample = *level.out_of_sample;
-    const bool served = static_cast<double>(out_of_sample.without_recourse) <=
-                        settings_.without_recourse * static_cast<double>(out_of_sample.scenarios);
+    const bool served = static_cast<double>(out_of_sample.infeasible) <=
+                        settings_.max_infeasible_fraction * static_cast<double>(out_of_sample.scenarios);
     if (served && out_of_sample.half_width <= settings_.tolerance * std::abs(out_of_sample.mean))
       return ScenarioEnd::interval;
     return std::nullopt;

@@ -181,7 +181,7 @@ TEST(Scenarios, ReportTheMeanOfScenariosNotSeenAndItsInterval) {
   // Costs 4, 4, 36, 0: mean 11, sum of squares 49 + 49 + 625 + 121, over 3 and over 4.
   const OutOfSample& out_of_sample = answer->levels.front().out_of_sample.value();
   EXPECT_EQ(out_of_sample.scenarios, 4);
-  EXPECT_EQ(out_of_sample.without_recourse, 0);
+  EXPECT_EQ(out_of_sample.infeasible, 0);
   EXPECT_NEAR(out_of_sample.mean, 11.0, 1e-8);
   EXPECT_NEAR(out_of_sample.half_width, 1.959963984540054 * std::sqrt(844.0 / 12.0), 1e-7);
 }
@@ -219,7 +219,7 @@ TEST(Scenarios, EndWhenTheIntervalIsSmallEnough) {
 }
 
 // x ≥ ξ by a recourse y = x − ξ ≥ 0: a larger scenario has no recourse.
-TEST(Scenarios, CountScenariosWithoutRecourseAndDoNotEndOnThem) {
+TEST(Scenarios, CountInfeasibleScenariosAndDoNotEndOnThem) {
   Target target;
   target.base.C = {1, 2, {0, 0, 1}, {0}, {1.0}};
   target.base.d = {0.0};
@@ -229,7 +229,7 @@ TEST(Scenarios, CountScenariosWithoutRecourseAndDoNotEndOnThem) {
   ASSERT_TRUE(answer) << answer.error().message();
   ASSERT_EQ(answer->levels.size(), 3u);
   EXPECT_EQ(answer->levels[0].out_of_sample.value().scenarios, 3);
-  EXPECT_EQ(answer->levels[0].out_of_sample.value().without_recourse, 1);
+  EXPECT_EQ(answer->levels[0].out_of_sample.value().infeasible, 1);
   EXPECT_EQ(answer->end, ScenarioEnd::samples);
   EXPECT_NEAR(answer->x[0], 2.0, 1e-9);
 }
@@ -346,7 +346,7 @@ TEST(Scenarios, RefuseSettingsOutOfRange) {
   EXPECT_EQ(field({.initial_sample_size = 3, .max_sample_size = 2}), "settings.max_sample_size");
   EXPECT_EQ(field({.tolerance = -1.0}), "settings.tolerance");
   EXPECT_EQ(field({.min_sample_size = 0}), "settings.min_sample_size");
-  EXPECT_EQ(field({.without_recourse = 2.0}), "settings.without_recourse");
+  EXPECT_EQ(field({.max_infeasible_fraction = 2.0}), "settings.max_infeasible_fraction");
   EXPECT_EQ(field({.out_of_sample_scenarios = -1}), "settings.out_of_sample_scenarios");
   ScenarioSettings bad;
   bad.options.num_starts = 0;

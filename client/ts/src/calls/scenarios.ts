@@ -79,7 +79,7 @@ export interface ScenarioControls extends Omit<RequestControls, "initialPoint" |
   /** Minimum sample size for this; default 8. */
   minSampleSize?: number;
   /** Maximum fraction of out-of-sample scenarios without feasible recourse for this; default 0.05. */
-  withoutRecourse?: number;
+  maxInfeasibleFraction?: number;
   /** Minimum number of out-of-sample scenarios per level; default 16. */
   outOfSampleScenarios?: number;
   /** Called after every level. */
@@ -172,7 +172,7 @@ export function messageOf(controls: ScenarioControls): Message {
     maxSampleSize: controls.maxSampleSize,
     tolerance: controls.tolerance,
     minSampleSize: controls.minSampleSize,
-    withoutRecourse: controls.withoutRecourse,
+    maxInfeasibleFraction: controls.maxInfeasibleFraction,
     outOfSampleScenarios: controls.outOfSampleScenarios,
   };
 }

@@ -75,9 +75,9 @@ enum class ScenarioEnd {
 
 /// The cost of a stage's plan in out-of-sample scenarios: the next ones, each with its best recourse.
 struct OutOfSample {
-  std::int64_t scenarios = 0;         ///< scenarios tried
-  std::int64_t without_recourse = 0;  ///< scenarios among them without a feasible y for the plan
-  double mean = 0.0;                  ///< mean cost of the others
+  std::int64_t scenarios = 0;   ///< scenarios tried
+  std::int64_t infeasible = 0;  ///< scenarios among them without a feasible y for the plan
+  double mean = 0.0;            ///< mean cost of the others
   /// Half of the 95 % interval: 1.96 · standard deviation / √scenarios; +∞ for fewer than two.
   double half_width = std::numeric_limits<double>::infinity();
   std::int64_t factorizations = 0;  ///< of all these scenarios
@@ -114,8 +114,8 @@ struct ScenarioSettings {
   double tolerance = 0.0;             ///< ≥ 0: ends when half_width ≤ tolerance · |mean|; 0: never
   std::int64_t min_sample_size =
       8;  ///< ≥ 1: no end by `tolerance` before N is as large, since few scenarios may agree on a poor plan
-  double without_recourse = 0.05;  ///< in [0, 1]: no end by `tolerance` while a larger share of the
-                                   ///< out-of-sample scenarios has no recourse
+  double max_infeasible_fraction = 0.05;  ///< in [0, 1]: no end by `tolerance` while a larger share of the
+                                          ///< out-of-sample scenarios has no recourse
   /// ≥ 0, for each stage: minimum number of out-of-sample scenarios; those that the next stage adds are tried
   /// anyway. 0: no scenarios beyond the last stage are drawn, and its plan is not tried.
   std::int64_t out_of_sample_scenarios = 16;

@@ -23,7 +23,7 @@ from marble.model.problem import Problem, compiled
 from marble.model.scenarios import Quantity, ScenarioLevel, ScenarioOutcome, Scenarios, ScenarioSolution
 
 SETTINGS: Final = ("initial_sample_size", "growth", "max_sample_size", "tolerance", "min_sample_size",
-                   "without_recourse", "out_of_sample_scenarios")
+                   "max_infeasible_fraction", "out_of_sample_scenarios")
 
 
 def split(scenarios: Scenarios | None, given: Mapping[str, Any],

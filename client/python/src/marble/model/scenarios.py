@@ -61,7 +61,7 @@ class Scenarios:
     seed: of the generators; scenario i is a function of the seed and i alone. weights: of a mapping's scenarios, > 0.
     initial_sample_size, growth, max_sample_size: levels have N = initial_sample_size · growth^k scenarios up to the
     most. tolerance: ends when the 95 % interval of the out-of-sample cost is this part of it; 0 never, and not before N
-    is min_sample_size, nor while a larger share of these scenarios than without_recourse is infeasible.
+    is min_sample_size, nor while a larger share of these scenarios than max_infeasible_fraction is infeasible.
     out_of_sample_scenarios: in how many out-of-sample scenarios a plan is tried at least.
     """
 
@@ -74,7 +74,7 @@ class Scenarios:
     max_sample_size: int = 64
     tolerance: float = 0.0
     min_sample_size: int = 8
-    without_recourse: float = 0.05
+    max_infeasible_fraction: float = 0.05
     out_of_sample_scenarios: int = 16
 
 
@@ -118,12 +118,12 @@ class ScenarioEnd(enum.Enum):
 class OutOfSample:
     """A plan in out-of-sample scenarios, each with its best recourse.
 
-    scenarios, without_recourse: that were tried, and those of them where the plan has no feasible recourse. mean,
+    scenarios, infeasible: that were tried, and those of them where the plan has no feasible recourse. mean,
     half_width: of the costs of the others, the 95 % interval is mean ± half_width. factorizations, seconds: of all.
     """
 
     scenarios: int
-    without_recourse: int
+    infeasible: int
     mean: float
     half_width: float
     factorizations: int
