@@ -27,7 +27,7 @@ constexpr int kThreads = 2;  // the number of cores of the measuring machine
 
 struct CoupledTally {
   int solved = 0, as_good = 0, better = 0, agreed = 0, frozen = 0, switches = 0, wrong = 0;
-  std::vector<double> iterations, factorizations, joint_factorizations, ms, joint_ms, gaps;
+  std::vector<double> iterations, factorizations, monolithic_factorizations, ms, monolithic_ms, gaps;
 };
 
 void random_family(const char* name, const testing::CoupledSizes& sizes, int seeds) {
@@ -36,28 +36,30 @@ void random_family(const char* name, const testing::CoupledSizes& sizes, int see
   for (int seed = 0; seed < seeds; ++seed) {
     const testing::OwnedCoupled coupled = testing::random_coupled(sizes, static_cast<std::uint64_t>(seed));
     const CoupledView view = coupled.view();
-    const OwnedProblem joint = joint_problem(view);
+    const OwnedProblem monolithic = monolithic_problem(view);
     auto begin = Clock::now();
-    const Solution whole = solve_in_process(joint.view()).value();
-    tally.joint_ms.push_back(ms_since(begin));
-    tally.joint_factorizations.push_back(whole.factorizations);
+    const Solution whole = solve_in_process(monolithic.view()).value();
+    tally.monolithic_ms.push_back(ms_since(begin));
+    tally.monolithic_factorizations.push_back(whole.factorizations);
     begin = Clock::now();
     const CoupledSolution answer = solve_coupled(view, {}, {.runner = &threads}).value();
     tally.ms.push_back(ms_since(begin));
     tally.iterations.push_back(answer.coordination.last.iteration);
     tally.factorizations.push_back(
-        static_cast<double>(answer.coordination.last.factorizations + answer.joint.factorizations));
+        static_cast<double>(answer.coordination.last.factorizations + answer.monolithic.factorizations));
     tally.agreed += answer.coordination.status == Status::solved;
     tally.frozen += answer.coordination.frozen_at > 0;
     tally.switches += answer.coordination.pair_switches;
-    if (!is_solved(answer.joint.status)) {
-      std::printf("  seed %d: %s, whole %s\n", seed, to_string(answer.joint.status), to_string(whole.status));
+    if (!is_solved(answer.monolithic.status)) {
+      std::printf("  seed %d: %s, whole %s\n", seed, to_string(answer.monolithic.status),
+                  to_string(whole.status));
       tally.as_good += !is_solved(whole.status);
       continue;
     }
     ++tally.solved;
-    tally.wrong += testing::judge(joint.view(), answer.joint).infeasibility() > 1e-6;
-    const double gap = (answer.joint.objective - whole.objective) / std::max(1.0, std::abs(whole.objective));
+    tally.wrong += testing::judge(monolithic.view(), answer.monolithic).infeasibility() > 1e-6;
+    const double gap =
+        (answer.monolithic.objective - whole.objective) / std::max(1.0, std::abs(whole.objective));
     tally.as_good += !is_solved(whole.status) || gap <= 1e-6;
     tally.better += !is_solved(whole.status) || gap < -1e-6;
     if (gap > 1e-6) tally.gaps.push_back(gap);
@@ -65,8 +67,8 @@ void random_family(const char* name, const testing::CoupledSizes& sizes, int see
   std::printf("%-22s %5d %6d %6d %8d %7d %7d %6d %7.0f %7.0f %9.0f %9.0f %9.2f %9.2f %10.2g\n", name, seeds,
               tally.solved, tally.wrong, tally.as_good, tally.better, tally.agreed, tally.frozen,
               median(tally.iterations), *std::ranges::max_element(tally.iterations),
-              median(tally.factorizations), median(tally.joint_factorizations), median(tally.ms),
-              median(tally.joint_ms), tally.gaps.empty() ? 0.0 : median(tally.gaps));
+              median(tally.factorizations), median(tally.monolithic_factorizations), median(tally.ms),
+              median(tally.monolithic_ms), tally.gaps.empty() ? 0.0 : median(tally.gaps));
   std::fflush(stdout);
 }
 
@@ -78,8 +80,8 @@ std::vector<Index> stages_of_hopper(int steps) {
 
 void hoppers_in_pieces(int only_steps) {
   std::printf("%6s %6s %22s %8s %6s %12s %9s %12s %16s %16s %10s %22s\n", "steps", "pieces", "pieces end",
-              "iterat.", "switches", "fact. blocks", "joint", "ms", "objective", "of the blocks", "whole ms",
-              "whole");
+              "iterat.", "switches", "fact. blocks", "monolithic", "ms", "objective", "of the blocks",
+              "whole ms", "whole");
   testing::Threads threads(kThreads);
   for (const auto& [steps, pieces] :
        {std::pair{120, 2}, std::pair{240, 4}, std::pair{480, 8}, std::pair{960, 16}, std::pair{1920, 32}}) {
@@ -132,17 +134,19 @@ void hoppers_on_a_budget() {
     hoppers.total.assign(kSteps, budget);
     const CoupledView view = hoppers.view();
     auto begin = Clock::now();
-    const CoupledSolution answer = solve_coupled(view, {.joint_search = false}, {.runner = &threads}).value();
+    const CoupledSolution answer =
+        solve_coupled(view, {.monolithic_search = false}, {.runner = &threads}).value();
     const double seconds = 1e-3 * ms_since(begin);
-    const OwnedProblem joint = joint_problem(view);
+    const OwnedProblem monolithic = monolithic_problem(view);
     begin = Clock::now();
-    const Solution whole = solve_in_process(joint.view()).value();
-    std::printf(
-        "%7d %5d %8.2f %22s %8d %7d %12lld %8.1f %14.6f %14.6f %8.1f %22s %14.6f\n", 10, kSteps, budget,
-        to_string(answer.joint.status), answer.coordination.last.iteration, answer.coordination.frozen_at,
-        static_cast<long long>(answer.coordination.last.factorizations), seconds, answer.joint.objective,
-        answer.blocks_objective, 1e-3 * ms_since(begin), to_string(whole.status), whole.objective);
-    std::printf("    %s\n", answer.joint.detail.c_str());
+    const Solution whole = solve_in_process(monolithic.view()).value();
+    std::printf("%7d %5d %8.2f %22s %8d %7d %12lld %8.1f %14.6f %14.6f %8.1f %22s %14.6f\n", 10, kSteps,
+                budget, to_string(answer.monolithic.status), answer.coordination.last.iteration,
+                answer.coordination.frozen_at,
+                static_cast<long long>(answer.coordination.last.factorizations), seconds,
+                answer.monolithic.objective, answer.blocks_objective, 1e-3 * ms_since(begin),
+                to_string(whole.status), whole.objective);
+    std::printf("    %s\n", answer.monolithic.detail.c_str());
     std::fflush(stdout);
   }
 }

@@ -54,8 +54,8 @@ void take_settings(const v1::Coupled& message, CoupledOptions& settings) {
   if (message.has_max_searches()) settings.max_searches = message.max_searches();
   if (message.has_max_pair_switches()) settings.max_pair_switches = message.max_pair_switches();
   if (message.has_tolerance()) settings.tolerance = message.tolerance();
-  if (message.has_joint()) settings.joint = message.joint();
-  if (message.has_joint_search()) settings.joint_search = message.joint_search();
+  if (message.has_monolithic()) settings.monolithic = message.monolithic();
+  if (message.has_monolithic_search()) settings.monolithic_search = message.monolithic_search();
 }
 
 void to_message(const CoupledOptions& settings, v1::Coupled* message) {
@@ -65,8 +65,8 @@ void to_message(const CoupledOptions& settings, v1::Coupled* message) {
   message->set_max_searches(settings.max_searches);
   message->set_max_pair_switches(settings.max_pair_switches);
   message->set_tolerance(settings.tolerance);
-  message->set_joint(settings.joint);
-  message->set_joint_search(settings.joint_search);
+  message->set_monolithic(settings.monolithic);
+  message->set_monolithic_search(settings.monolithic_search);
 }
 
 void to_message(const Coordination& coordination, double blocks_objective, v1::CoupledOutcome* message) {

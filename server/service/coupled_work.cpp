@@ -74,7 +74,7 @@ Work blocks_work(const v1::SolveRequest& request, const CoupledOptions& settings
     solved->coordination.answers.clear();
     reported = [coordination = std::move(solved->coordination), objective = solved->blocks_objective](
                    v1::CoupledOutcome* outcome) { to_message(coordination, objective, outcome); };
-    return std::move(solved->joint);
+    return std::move(solved->monolithic);
   };
 }
 
@@ -134,7 +134,7 @@ Expected<BlockPlace> check_blocks(const Config& config, const v1::SolveRequest& 
     if (auto valid = check_numbers(numbers, view.total.size(), "coupled.coupling_multipliers"); !valid)
       return unexpected(valid.error());
   }
-  BlockPlace sizes = joint_places(view).back();
+  BlockPlace sizes = monolithic_places(view).back();
   sizes.equalities += static_cast<Index>(view.total.size());
   return sizes;
 }
@@ -147,7 +147,7 @@ Expected<void> set_coupled_work(const Config& config, std::shared_ptr<const v1::
   if (request->has_scenarios()) return unexpected(invalid("scenarios", "must be absent beside coupled"));
   if (request->has_sensitivity())
     return unexpected(
-        invalid("sensitivity", "must be absent beside coupled: ask for it with the joint problem"));
+        invalid("sensitivity", "must be absent beside coupled: ask for it with the monolithic problem"));
   const bool blocks = has_blocks(*request);
   if (!blocks && !request->coupled().has_pieces())
     return unexpected(invalid("coupled.blocks", "or pieces must be there"));

@@ -35,12 +35,13 @@ class CoupledSessions : public ::testing::Test {
 
   void expect_the_answer_of_this_process(const CoupledSolution& answer) const {
     const CoupledSolution here = solve_coupled(cell_.view()).value();
-    ASSERT_TRUE(is_solved(answer.joint.status)) << answer.joint.detail;
+    ASSERT_TRUE(is_solved(answer.monolithic.status)) << answer.monolithic.detail;
     EXPECT_EQ(answer.coordination.status, here.coordination.status);
-    EXPECT_NEAR(answer.joint.objective, here.joint.objective, 1e-9 * (1.0 + std::abs(here.joint.objective)));
-    ASSERT_EQ(answer.joint.z.size(), here.joint.z.size());
-    for (std::size_t i = 0; i < here.joint.z.size(); ++i)
-      EXPECT_NEAR(answer.joint.z[i], here.joint.z[i], 1e-7) << i;
+    EXPECT_NEAR(answer.monolithic.objective, here.monolithic.objective,
+                1e-9 * (1.0 + std::abs(here.monolithic.objective)));
+    ASSERT_EQ(answer.monolithic.z.size(), here.monolithic.z.size());
+    for (std::size_t i = 0; i < here.monolithic.z.size(); ++i)
+      EXPECT_NEAR(answer.monolithic.z[i], here.monolithic.z[i], 1e-7) << i;
   }
 
   OwnedCoupled cell_ = random_coupled({.blocks = 6, .variables = 8, .pairs = 3, .rows = 4}, 7);
@@ -127,7 +128,7 @@ TEST_F(CoupledSessions, TheTimeLimitIsAnAnswer) {
   options.options.time_limit_s = 0.0;
   const auto answer = client.solve_coupled_by_sessions(cell_.view(), options);
   ASSERT_TRUE(answer.has_value()) << answer.error().message();
-  EXPECT_EQ(answer->joint.status, Status::time_limit);
+  EXPECT_EQ(answer->monolithic.status, Status::time_limit);
 }
 
 TEST_F(CoupledSessions, ALongHorizonsPiecesAgreeThoughAServerIsKilled) {
@@ -157,8 +158,8 @@ TEST_F(CoupledSessions, OnOneServerItIsOneCallWithTheBitsOfThisProcess) {
   const CoupledControls controls{.progress = [&](const CoupledIteration& now) { reported.push_back(now); }};
   const RemoteCoupledSolution there = single_[0].solve_coupled(cell_.view(), {}, controls).value();
   const CoupledSolution here = solve_coupled(cell_.view()).value();
-  EXPECT_EQ(there.joint.z, here.joint.z);
-  EXPECT_EQ(there.joint.objective, here.joint.objective);
+  EXPECT_EQ(there.monolithic.z, here.monolithic.z);
+  EXPECT_EQ(there.monolithic.objective, here.monolithic.objective);
   EXPECT_EQ(there.coordination.coupling_multipliers, here.coordination.coupling_multipliers);
   EXPECT_EQ(there.coordination.status, here.coordination.status);
   EXPECT_EQ(there.coordination.last.iteration, here.coordination.last.iteration);
@@ -168,7 +169,7 @@ TEST_F(CoupledSessions, OnOneServerItIsOneCallWithTheBitsOfThisProcess) {
   EXPECT_EQ(reported.back().proximal, here.coordination.last.proximal);
   EXPECT_EQ(single_[0].jobs().get(there.job_id)->job.kind, JobKind::coupled);
   const RemoteCoupledSolution in_process = Client::in_process().solve_coupled(cell_.view()).value();
-  EXPECT_EQ(in_process.joint.z, here.joint.z);
+  EXPECT_EQ(in_process.monolithic.z, here.monolithic.z);
 }
 
 TEST_F(CoupledSessions, PiecesOnOneServerHaveTheBitsOfThisProcess) {
@@ -191,7 +192,7 @@ TEST_F(CoupledSessions, SubmittedTheyAnswerLaterWithTheBitsOfTheCall) {
   const SubmittedJob job = jobs.submit(cell_.view(), {}, {}, {.problem_name = "cell"}).value();
   const RemoteCoupledSolution later = jobs.coupled(job.job_id, cell_.view(), {.wait = true}).value();
   const RemoteCoupledSolution now = single_[0].solve_coupled(cell_.view()).value();
-  EXPECT_EQ(later.joint.z, now.joint.z);
+  EXPECT_EQ(later.monolithic.z, now.monolithic.z);
   EXPECT_EQ(later.coordination.coupling_multipliers, now.coordination.coupling_multipliers);
   EXPECT_EQ(later.coordination.last.iteration, now.coordination.last.iteration);
   EXPECT_EQ(later.blocks_objective, now.blocks_objective);

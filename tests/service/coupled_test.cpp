@@ -67,11 +67,11 @@ class CoupledCalls : public JobsServiceTest {
     const Reported reported = solve_coupled(blocks());
     ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
     const Solution there = solution_of(reported.result.solution());
-    EXPECT_EQ(there.status, here.joint.status);
-    EXPECT_EQ(there.z, here.joint.z);
-    EXPECT_EQ(there.equality_multipliers, here.joint.equality_multipliers);
-    EXPECT_EQ(there.objective, here.joint.objective);
-    EXPECT_EQ(there.factorizations, here.joint.factorizations);
+    EXPECT_EQ(there.status, here.monolithic.status);
+    EXPECT_EQ(there.z, here.monolithic.z);
+    EXPECT_EQ(there.equality_multipliers, here.monolithic.equality_multipliers);
+    EXPECT_EQ(there.objective, here.monolithic.objective);
+    EXPECT_EQ(there.factorizations, here.monolithic.factorizations);
     const v1::CoupledOutcome& outcome = reported.result.solution().coupled();
     EXPECT_EQ(coordination_of(outcome).coupling_multipliers, here.coordination.coupling_multipliers);
     EXPECT_EQ(outcome.factorizations(), here.coordination.last.factorizations);
@@ -79,7 +79,7 @@ class CoupledCalls : public JobsServiceTest {
   }
 };
 
-TEST_F(CoupledCalls, ReportEachIterationAndThenTheJointAnswer) {
+TEST_F(CoupledCalls, ReportEachIterationAndThenTheMonolithicAnswer) {
   start();
   const Reported reported = solve_coupled(blocks());
   ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
@@ -259,7 +259,7 @@ TEST_F(CoupledCalls, AreRefusedWithThePlaceOfTheFault) {
             "solve.coupled.pieces.stages[3]");
   EXPECT_EQ(of_pieces([](C& bad) { bad.mutable_pieces()->set_pieces(0); }), "solve.coupled.pieces.pieces");
   EXPECT_EQ(of_pieces([](C& bad) { bad.mutable_pieces()->set_overlap(-2); }), "solve.coupled.pieces.overlap");
-  EXPECT_EQ(of_pieces([](C& bad) { bad.set_joint(false); }), "solve.coupled.joint");
+  EXPECT_EQ(of_pieces([](C& bad) { bad.set_monolithic(false); }), "solve.coupled.monolithic");
   EXPECT_EQ(of_pieces([](C& bad) { bad.add_total(0.0); }), "solve.coupled.pieces");
   const auto many = [](Request& bad) { *bad.mutable_coupled()->add_blocks() = bad.coupled().blocks(0); };
   EXPECT_EQ(status(blocks(), many).error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);

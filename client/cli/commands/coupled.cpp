@@ -193,11 +193,11 @@ int run_blocks(const CoupledArguments& arguments, const Options& options, const 
   const auto coupling_multipliers = answer->coupling_multipliers();
   Json z = Json::array();
   for (std::size_t k = 0; k + 1 < answer->places.size(); ++k) {
-    const auto first = answer->joint.z.begin();
+    const auto first = answer->monolithic.z.begin();
     z.push_back(
         std::vector<double>(first + answer->places[k].variables, first + answer->places[k + 1].variables));
   }
-  return report_answer(arguments, answer->joint, answer->coordination, answer->job_id, answer->repeated,
+  return report_answer(arguments, answer->monolithic, answer->coordination, answer->job_id, answer->repeated,
                        {{"coupling_multipliers",
                          std::vector<double>(coupling_multipliers.begin(), coupling_multipliers.end())},
                         {"z", z}});

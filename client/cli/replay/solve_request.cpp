@@ -76,7 +76,7 @@ Expected<Solved> solve_coupled(const Client& client, const v1::SolveRequest& req
     if (!start.coupling_multipliers.empty()) controls.start = &start;
     const auto answer = client.solve_coupled(coupled_of(coupled), settings, controls, call);
     if (!answer) return unexpected(answer.error());
-    to_message(answer->joint, &solved.solution);
+    to_message(answer->monolithic, &solved.solution);
     to_message(answer->coordination, answer->blocks_objective, outcome);
     solved.all_rows = answer->progress_skipped == 0;
     return solved;

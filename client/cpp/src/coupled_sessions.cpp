@@ -179,7 +179,7 @@ Expected<RemoteCoupledSolution> Client::solve_coupled_by_sessions(const CoupledV
   return or_out_of_memory([&]() -> Expected<RemoteCoupledSolution> {
     auto servers = each();
     if (!servers) return unexpected(servers.error());
-    return client::by_sessions<RemoteCoupledSolution, &RemoteCoupledSolution::joint>(
+    return client::by_sessions<RemoteCoupledSolution, &RemoteCoupledSolution::monolithic>(
         *this, *std::move(servers), options.options, controls, sessions,
         [&](const CoupledControls& own) { return marble::solve_coupled(view, options, own); });
   });

@@ -34,8 +34,8 @@ void take(const py::dict& given, CoupledOptions& settings) {
   set("max_searches", settings.max_searches);
   set("max_pair_switches", settings.max_pair_switches);
   set("tolerance", settings.tolerance);
-  set("joint", settings.joint);
-  set("joint_search", settings.joint_search);
+  set("monolithic", settings.monolithic);
+  set("monolithic_search", settings.monolithic_search);
 }
 
 py::dict reported_of(const Coordination& c, double blocks_objective) {
@@ -144,9 +144,9 @@ py::dict solve(const py::list& blocks, const py::object& total, const py::object
             if (!start.coupling_multipliers.empty()) controls.start = &start;
             auto solved = solve_coupled(view, settings, controls);
             if (!solved) return unexpected(named(solved.error()));
-            Solution joint = std::exchange(solved->joint, {});
+            Solution monolithic = std::exchange(solved->monolithic, {});
             answer = *std::move(solved);
-            return joint;
+            return monolithic;
           });
   reported["coupled"] = reported_of(answer.coordination, answer.blocks_objective);
   reported["coupling_multipliers"] = Numbers{std::move(answer.coordination.coupling_multipliers)};

@@ -205,7 +205,7 @@ def test_faults_are_named_without_a_server_as_with_one(client):
         lambda client: client.coupled([arm(1.0)], [FORCE], [0.0], proximal=-1.0),
         lambda client: client.coupled([arm(1.0)], [FORCE], [0.0], freeze_after=0),
         lambda client: client.pieces(arm(1.0), [0, 0], 2),
-        lambda client: client.pieces(arm(1.0), [0, 1], 2, joint=False),
+        lambda client: client.pieces(arm(1.0), [0, 1], 2, monolithic=False),
         lambda client: client.pieces(arm(1.0), [0, 1], 2, overlap=-2),
         lambda client: client.pieces(arm(1.0).replaced(z0=np.zeros(2)), [0, 1], 2),
         lambda client: client.coupled([arm(1.0)], [FORCE], [0.0], options={"max_iterations": -1}),

@@ -87,7 +87,7 @@ test("a block without coupling and initial multipliers are accepted", async () =
 });
 
 test("without the monolithic solve the solution is that of the blocks", async () => {
-  const { coordination, solution } = await client.coupled(cell, { joint: false, tolerance: 1e-6 });
+  const { coordination, solution } = await client.coupled(cell, { monolithic: false, tolerance: 1e-6 });
   assert.equal(coordination.status, "solved");
   assert.equal(solution.objective, coordination.blocksObjective);
 });

@@ -6,8 +6,8 @@
 #include <string>
 #include <utility>
 
-#include "composite/joint_search.h"
 #include "composite/lifted_blocks.h"
+#include "composite/monolithic_search.h"
 #include "model/entries.h"
 #include "model/interrupt.h"
 #include "model/tuning.h"
@@ -21,16 +21,16 @@ void append(std::span<const double> values, std::vector<double>& to) {
 
 // Joins the vectors of all blocks one after the other, followed by the coupling_multipliers.
 Solution stacked(const Coordination& coordination) {
-  Solution joint;
+  Solution monolithic;
   for (const BlockAnswer& answer : coordination.answers) {
-    append(answer.solution.z, joint.z);
-    append(answer.solution.equality_multipliers, joint.equality_multipliers);
-    append(answer.solution.inequality_multipliers, joint.inequality_multipliers);
-    append(answer.solution.complementarity_multipliers_L, joint.complementarity_multipliers_L);
-    append(answer.solution.complementarity_multipliers_R, joint.complementarity_multipliers_R);
+    append(answer.solution.z, monolithic.z);
+    append(answer.solution.equality_multipliers, monolithic.equality_multipliers);
+    append(answer.solution.inequality_multipliers, monolithic.inequality_multipliers);
+    append(answer.solution.complementarity_multipliers_L, monolithic.complementarity_multipliers_L);
+    append(answer.solution.complementarity_multipliers_R, monolithic.complementarity_multipliers_R);
   }
-  append(coordination.coupling_multipliers, joint.equality_multipliers);
-  return joint;
+  append(coordination.coupling_multipliers, monolithic.equality_multipliers);
+  return monolithic;
 }
 
 double most_of_a_column(const SparseMatrixView& m) {
@@ -72,33 +72,35 @@ void add_violations(const ProblemView& p, std::span<const double> z, Violations&
     most.complementarity = std::max(most.complementarity, std::abs(std::min(s[pair], t[pair])));
 }
 
-// Combines the blocks' results into values of the joint problem: bounds of what a new evaluation would give.
-void report_by_blocks(const CoupledView& view, const Coordination& coordination, Solution& joint) {
+// Combines the blocks' results into values of the monolithic problem: bounds of what a new evaluation would
+// give.
+void report_by_blocks(const CoupledView& view, const Coordination& coordination, Solution& monolithic) {
   const bool solved = coordination.status == Status::solved;
   if (solved) {
-    joint.stationarity = Stationarity::strong;
-    joint.b_stationary = true;
-    joint.second_order = SecondOrder::convex;
+    monolithic.stationarity = Stationarity::strong;
+    monolithic.b_stationary = true;
+    monolithic.second_order = SecondOrder::convex;
   }
   for (std::size_t k = 0; k < coordination.answers.size(); ++k) {
     const Solution& own = coordination.answers[k].solution;
-    add_violations(view.blocks[k].problem, own.z, joint.violations);
-    joint.kkt_residual =
-        std::max(joint.kkt_residual,
+    add_violations(view.blocks[k].problem, own.z, monolithic.violations);
+    monolithic.kkt_residual =
+        std::max(monolithic.kkt_residual,
                  own.kkt_residual + coordination.last.step * most_of_a_column(view.blocks[k].coupling));
-    joint.stationarity = std::min(joint.stationarity, own.stationarity);
-    joint.second_order = std::min(joint.second_order, own.second_order);
-    joint.iterations += own.iterations;
+    monolithic.stationarity = std::min(monolithic.stationarity, own.stationarity);
+    monolithic.second_order = std::min(monolithic.second_order, own.second_order);
+    monolithic.iterations += own.iterations;
   }
-  joint.violations.equality = std::max(joint.violations.equality, rows_violation(view, coordination));
+  monolithic.violations.equality =
+      std::max(monolithic.violations.equality, rows_violation(view, coordination));
   // Strongly stationary blocks have no joint direction of descent; for other blocks nothing is known.
-  if (solved && joint.stationarity != Stationarity::strong) {
-    joint.b_stationary.reset();
-    joint.second_order = std::min(joint.second_order, SecondOrder::necessary);
+  if (solved && monolithic.stationarity != Stationarity::strong) {
+    monolithic.b_stationary.reset();
+    monolithic.second_order = std::min(monolithic.second_order, SecondOrder::necessary);
   }
 }
 
-// Extends the certificate of an infeasible block to the joint problem, with zeros outside the block.
+// Extends the certificate of an infeasible block to the monolithic problem, with zeros outside the block.
 std::vector<double> widened(const CoupledView& view, const std::vector<BlockPlace>& places, std::size_t k,
                             const Solution& own) {
   const BlockPlace &all = places.back(), &first = places[k], &end = places[k + 1];
@@ -164,7 +166,7 @@ std::int64_t copy_bytes(const ProblemView& p) {
 
 // Counts the coordinator's matrix and its sum and, for each block, four matrices of the size of its response:
 // those of the best and the current iteration, and two from which one is made. Also counts two copies of the
-// problems (lifted blocks, then the joint problem) and the solutions of the blocks' newest solves and of
+// problems (lifted blocks, then the monolithic problem) and the solutions of the blocks' newest solves and of
 // states that the coordinator may return to.
 std::int64_t working_bytes(const CoupledView& view) {
   const auto m = std::ssize(view.total);
@@ -202,7 +204,7 @@ Expected<Solution> solve_from(const Problem& problem, Solution start, const Coor
   start.factorizations = 0;
   auto solver = Solver::create(problem, options.options, setup_of(controls, options.options));
   if (!solver && !ends_early(solver.error())) return unexpected(solver.error());
-  if (solver && options.joint_search && !stopped(coordination)) {
+  if (solver && options.monolithic_search && !stopped(coordination)) {
     CoupledControls beside = controls;
     beside.setup.most_bytes -= std::min(beside.setup.most_bytes, solver->memory_bytes());
     start = search_near(problem, std::move(start), options.options, beside);
@@ -224,33 +226,34 @@ Expected<Solution> solve_from(const Problem& problem, Solution start, const Coor
 Expected<CoupledSolution> finish_coupled(const CoupledView& view, Coordination coordination,
                                          const CoupledOptions& options, const CoupledControls& controls) {
   CoupledSolution result;
-  result.places = joint_places(view);
+  result.places = monolithic_places(view);
   result.blocks_objective = sum_of_objectives(coordination);
-  // That is proved of all blocks only if a point of the whole has the block's ray; the joint solve decides.
+  // That is proved of all blocks only if a point of the whole has the block's ray; the monolithic solve
+  // decides.
   const bool has_ray = coordination.failed_block && coordination.status == Status::unbounded;
   const bool block_decides = coordination.failed_block && !has_ray;
   if (has_ray) coordination.status = Status::numerical_failure;
   Solution start = stacked(coordination);
-  if (!stopped(coordination) && (block_decides || !options.joint)) {
-    result.joint = std::move(start);
-    result.joint.status = coordination.status;
-    result.joint.detail = coordination.detail;
-    result.joint.objective = result.joint.reference_objective = result.blocks_objective;
-    report_by_blocks(view, coordination, result.joint);
+  if (!stopped(coordination) && (block_decides || !options.monolithic)) {
+    result.monolithic = std::move(start);
+    result.monolithic.status = coordination.status;
+    result.monolithic.detail = coordination.detail;
+    result.monolithic.objective = result.monolithic.reference_objective = result.blocks_objective;
+    report_by_blocks(view, coordination, result.monolithic);
     if (block_decides) {
       const std::size_t k = *coordination.failed_block;
-      result.joint.certificate = widened(view, result.places, k, coordination.answers[k].solution);
-      result.joint.proved = coordination.status == Status::infeasible;
-      if (result.joint.proved) result.joint.bound = std::numeric_limits<double>::infinity();
+      result.monolithic.certificate = widened(view, result.places, k, coordination.answers[k].solution);
+      result.monolithic.proved = coordination.status == Status::infeasible;
+      if (result.monolithic.proved) result.monolithic.bound = std::numeric_limits<double>::infinity();
     }
   } else {
-    const OwnedProblem joint = joint_problem(view);
-    const auto problem = Problem::create(joint.view());
+    const OwnedProblem monolithic = monolithic_problem(view);
+    const auto problem = Problem::create(monolithic.view());
     if (!problem) return unexpected(problem.error());
     auto solution = solve_from(*problem, std::move(start), coordination, options, controls);
     if (!solution) return unexpected(solution.error());
-    result.joint = *std::move(solution);
-    if (has_ray && result.joint.status != Status::unbounded) coordination.failed_block.reset();
+    result.monolithic = *std::move(solution);
+    if (has_ray && result.monolithic.status != Status::unbounded) coordination.failed_block.reset();
   }
   result.coordination = std::move(coordination);
   return result;
@@ -267,7 +270,7 @@ Expected<CoupledSolution> solve_coupled(const CoupledView& view, const CoupledOp
   if (!own.begun) own.begun = std::chrono::steady_clock::now();
   return or_out_of_memory([&]() -> Expected<CoupledSolution> {
     if (auto fits = charge(own, working_bytes(view), "blocks"); !fits) return unexpected(fits.error());
-    // The blocks' solvers are destroyed before the joint one is created.
+    // The blocks' solvers are destroyed before the monolithic one is created.
     auto coordination = [&] {
       LiftedBlocks blocks(view, options, own);
       return coordinate(blocks, view.total, options, own);

@@ -304,7 +304,7 @@ CoupledStart Pieces::start(const Solution& whole) const {
 
 Expected<void> PiecesOptions::check() const {
   if (auto valid = coupled.check(); !valid) return valid;
-  if (!coupled.joint) return unexpected(invalid("joint", "must be true of a problem in pieces"));
+  if (!coupled.monolithic) return unexpected(invalid("monolithic", "must be true of a problem in pieces"));
   if (overlap < -1) return unexpected(invalid("overlap", std::to_string(overlap), "must be >= -1"));
   return {};
 }

@@ -353,16 +353,16 @@ void judge_request(const v1::SolveRequest& request, const Options& options, cons
     }
     judge_answer(level->view(), options, of_level);
   } else if (request.coupled().blocks_size() > 0) {
-    const OwnedProblem joint = joint_problem(coupled_of(request.coupled()));
+    const OwnedProblem monolithic = monolithic_problem(coupled_of(request.coupled()));
     Options loose = options;
     double agreement = 0.0;
-    if (request.coupled().has_joint() && !request.coupled().joint()) {  // rows hold as blocks agree
+    if (request.coupled().has_monolithic() && !request.coupled().monolithic()) {  // rows hold as blocks agree
       agreement = 1e3 * (request.coupled().has_tolerance() ? request.coupled().tolerance() : 1e-9);
       loose.polish = false;
       for (double* tolerance : {&loose.equality_tolerance, &loose.stationarity_tolerance})
         *tolerance = std::max({*tolerance, 1e-3, agreement});
     }
-    judge_answer(joint.view(), loose, answer, agreement);
+    judge_answer(monolithic.view(), loose, answer, agreement);
   } else {
     judge_answer(view_of(request.problem()), options, answer);
     if (request.has_sensitivity())

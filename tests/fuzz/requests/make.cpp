@@ -395,9 +395,9 @@ v1::SolveRequest make_coupled(Draw& draw) {
     if (draw.chance(30)) total = drawn(total.size(), draw);
     assign(total, c.mutable_total());
     if (draw.chance(20)) assign(drawn(total.size(), draw), c.mutable_coupling_multipliers());
-    if (draw.chance(20)) c.set_joint(draw.chance(50));
+    if (draw.chance(20)) c.set_monolithic(draw.chance(50));
   }
-  if (draw.chance(20)) c.set_joint_search(draw.chance(50));
+  if (draw.chance(20)) c.set_monolithic_search(draw.chance(50));
   if (draw.chance(20)) c.set_max_iterations(draw.between(1, 20));
   if (draw.chance(20)) c.set_freeze_after(draw.between(0, 5));
   if (draw.chance(20)) c.set_max_searches(draw.between(0, 2));

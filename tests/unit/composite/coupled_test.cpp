@@ -1,4 +1,4 @@
-// Coupled problems: what the blocks agree on, against the joint problem and dense algebra.
+// Coupled problems: what the blocks agree on, against the monolithic problem and dense algebra.
 #include "marble/composite/coupled.h"
 
 #include <gtest/gtest.h>
@@ -55,12 +55,12 @@ std::string field_of_fault(const CoupledView& view) {
   return checked ? "" : checked.error().field;
 }
 
-TEST(Coupled, OneStepOfConvexBlocksWithoutPairsIsTheSolutionOfTheJointKkt) {
+TEST(Coupled, OneStepOfConvexBlocksWithoutPairsIsTheSolutionOfTheMonolithicKkt) {
   for (std::uint64_t seed = 0; seed < 5; ++seed) {
     const testing::OwnedCoupled coupled =
         random_coupled({.blocks = 4, .variables = 5, .pairs = 0, .rows = 3}, seed);
     CoupledOptions options;
-    options.joint = false, options.max_searches = 0;
+    options.monolithic = false, options.max_searches = 0;
     const CoupledSolution answer = solve_coupled(coupled.view(), options).value();
     ASSERT_EQ(answer.coordination.status, Status::solved) << answer.coordination.detail;
     EXPECT_EQ(answer.coordination.last.iteration, 2);
@@ -76,35 +76,36 @@ TEST(Coupled, OneStepOfConvexBlocksWithoutPairsIsTheSolutionOfTheJointKkt) {
     kkt.topRightCorner(20, 3) = kkt.bottomLeftCorner(3, 20).transpose();
     right.tail(3) = vector(coupled.total);
     const Eigen::VectorXd exact = testing::dense_solve(kkt, right);
-    EXPECT_LE((vector(answer.joint.z) - exact.head(20)).cwiseAbs().maxCoeff(), 1e-8);
+    EXPECT_LE((vector(answer.monolithic.z) - exact.head(20)).cwiseAbs().maxCoeff(), 1e-8);
     EXPECT_LE((vector(answer.coupling_multipliers()) - exact.tail(3)).cwiseAbs().maxCoeff(), 1e-8);
   }
 }
 
-TEST(Coupled, RandomFamiliesEndAtTheJointOptimumOrBetterAndAreJudgedSolved) {
+TEST(Coupled, RandomFamiliesEndAtTheMonolithicOptimumOrBetterAndAreJudgedSolved) {
   for (std::uint64_t seed = 0; seed < 12; ++seed) {
     const testing::OwnedCoupled coupled = random_coupled({}, seed);
-    const OwnedProblem joint = joint_problem(coupled.view());
-    const Solution whole = solve_in_process(joint.view()).value();
+    const OwnedProblem monolithic = monolithic_problem(coupled.view());
+    const Solution whole = solve_in_process(monolithic.view()).value();
     const CoupledSolution answer = solve_coupled(coupled.view()).value();
-    ASSERT_TRUE(is_solved(answer.joint.status)) << seed << ": " << answer.joint.detail;
-    EXPECT_LE(answer.joint.objective, whole.objective + 1e-6 * (1.0 + std::abs(whole.objective))) << seed;
-    const testing::Verdict verdict = testing::judge(joint.view(), answer.joint);
+    ASSERT_TRUE(is_solved(answer.monolithic.status)) << seed << ": " << answer.monolithic.detail;
+    EXPECT_LE(answer.monolithic.objective, whole.objective + 1e-6 * (1.0 + std::abs(whole.objective)))
+        << seed;
+    const testing::Verdict verdict = testing::judge(monolithic.view(), answer.monolithic);
     EXPECT_LE(verdict.infeasibility(), 1e-6) << seed;
     EXPECT_LE(verdict.stationarity, 1e-6) << seed;
     EXPECT_LE(verdict.slackness, 1e-6) << seed;
-    EXPECT_NEAR(verdict.objective, answer.joint.objective, 1e-9 * (1.0 + std::abs(verdict.objective)));
+    EXPECT_NEAR(verdict.objective, answer.monolithic.objective, 1e-9 * (1.0 + std::abs(verdict.objective)));
   }
 }
 
 TEST(Coupled, HoppersThatShareABudgetOfForceKeepIt) {
   const double budget = 35.0;  // by themselves they need 44 N
   const testing::OwnedCoupled hoppers = testing::hoppers_on_a_budget(3, 20, budget);
-  const CoupledSolution answer = solve_coupled(hoppers.view(), {.joint_search = false}).value();
-  ASSERT_TRUE(is_solved(answer.joint.status)) << answer.joint.detail;
+  const CoupledSolution answer = solve_coupled(hoppers.view(), {.monolithic_search = false}).value();
+  ASSERT_TRUE(is_solved(answer.monolithic.status)) << answer.monolithic.detail;
   EXPECT_EQ(answer.coordination.status, Status::solved) << answer.coordination.detail;
-  const OwnedProblem joint = joint_problem(hoppers.view());
-  const testing::Verdict verdict = testing::judge(joint.view(), answer.joint);
+  const OwnedProblem monolithic = monolithic_problem(hoppers.view());
+  const testing::Verdict verdict = testing::judge(monolithic.view(), answer.monolithic);
   EXPECT_LE(verdict.infeasibility(), 1e-6);
   EXPECT_LE(verdict.stationarity, 1e-6);
   EXPECT_GE(*std::ranges::max_element(answer.coupling_multipliers()), 1e-3) << "the budget binds";
@@ -125,14 +126,14 @@ TEST(Coupled, OfEqualBlocksOneTakesTheOtherSideWhereTheRowsAskForBoth) {
   const SparseMatrix both = testing::sparse(Eigen::MatrixXd::Identity(2, 2));
   const std::vector<double> total = {1.0, 1.0};  // one pushes, and the other leaves its gap
   const CoupledView view{{{"left", arm.view(), both.view()}, {"right", arm.view(), both.view()}}, total};
-  for (const bool joint : {false, true}) {
+  for (const bool monolithic : {false, true}) {
     CoupledOptions options;
-    options.joint = joint;
+    options.monolithic = monolithic;
     const CoupledSolution answer = solve_coupled(view, options).value();
     EXPECT_EQ(answer.coordination.status, Status::solved) << answer.coordination.detail;
     EXPECT_EQ(answer.coordination.pair_switches, 1);
-    ASSERT_TRUE(is_solved(answer.joint.status)) << answer.joint.detail;
-    EXPECT_NEAR(answer.joint.objective, -0.4, 1e-8);
+    ASSERT_TRUE(is_solved(answer.monolithic.status)) << answer.monolithic.detail;
+    EXPECT_NEAR(answer.monolithic.objective, -0.4, 1e-8);
   }
 }
 
@@ -150,8 +151,8 @@ TEST(Coupled, ASideOnWhichABlockHasNoAnswerIsNotTaken) {
                          total};
   const CoupledSolution answer = solve_coupled(view).value();
   EXPECT_EQ(answer.coordination.status, Status::solved) << answer.coordination.detail;
-  ASSERT_TRUE(is_solved(answer.joint.status)) << answer.joint.detail;
-  EXPECT_LE(testing::judge(joint_problem(view).view(), answer.joint).infeasibility(), 1e-6);
+  ASSERT_TRUE(is_solved(answer.monolithic.status)) << answer.monolithic.detail;
+  EXPECT_LE(testing::judge(monolithic_problem(view).view(), answer.monolithic).infeasibility(), 1e-6);
 }
 
 TEST(Coupled, ThreadsChangeNoBit) {
@@ -160,7 +161,7 @@ TEST(Coupled, ThreadsChangeNoBit) {
   testing::Threads threads(3);
   const CoupledSolution many = solve_coupled(coupled.view(), {}, {.runner = &threads}).value();
   const CoupledSolution one = solve_coupled(coupled.view()).value();
-  testing::expect_same_bits(many.joint, one.joint);
+  testing::expect_same_bits(many.monolithic, one.monolithic);
   EXPECT_EQ(many.coordination.coupling_multipliers, one.coordination.coupling_multipliers);
   EXPECT_EQ(many.coordination.last.factorizations, one.coordination.last.factorizations);
   EXPECT_EQ(many.blocks_objective, one.blocks_objective);
@@ -177,7 +178,7 @@ TEST(Coupled, AStartAtTheAnswerAgreesAtOnce) {
   const CoupledSolution again = solve_coupled(coupled.view(), options, {.start = &start}).value();
   EXPECT_EQ(again.coordination.status, Status::solved);
   EXPECT_LE(again.coordination.last.iteration, 2);
-  EXPECT_NEAR(again.joint.objective, first.joint.objective, 1e-8);
+  EXPECT_NEAR(again.monolithic.objective, first.monolithic.objective, 1e-8);
 }
 
 TEST(Coupled, AnInfeasibleBlockIsNamedWithItsProof) {
@@ -185,12 +186,12 @@ TEST(Coupled, AnInfeasibleBlockIsNamedWithItsProof) {
   blocks.right.C = testing::sparse(Eigen::MatrixXd{{1.0}, {-1.0}});
   blocks.right.d = {-1.0, 0.0};  // x >= 1 and x <= 0
   const CoupledSolution answer = solve_coupled(blocks.view()).value();
-  EXPECT_EQ(answer.joint.status, Status::infeasible);
+  EXPECT_EQ(answer.monolithic.status, Status::infeasible);
   EXPECT_EQ(answer.coordination.failed_block, 1U);
-  EXPECT_TRUE(answer.joint.detail.starts_with("block 1 (arm) is infeasible by itself"))
-      << answer.joint.detail;
+  EXPECT_TRUE(answer.monolithic.detail.starts_with("block 1 (arm) is infeasible by itself"))
+      << answer.monolithic.detail;
   // (y, ν): of the coupling row, then of the inequalities: νᵀC = 0 and νᵀd < 0.
-  const std::vector<double>& proof = answer.joint.certificate;
+  const std::vector<double>& proof = answer.monolithic.certificate;
   ASSERT_EQ(proof.size(), 3U);
   EXPECT_EQ(proof[0], 0.0);
   EXPECT_NEAR(proof[1], proof[2], 1e-9 * proof[1]);
@@ -202,15 +203,15 @@ TEST(Coupled, AnUnboundedBlockThatNoRowHoldsIsNamed) {
   blocks.right = one_variable(0.0, -1.0);
   blocks.right_rows = {};
   const CoupledSolution answer = solve_coupled(blocks.view()).value();
-  EXPECT_EQ(answer.joint.status, Status::unbounded);
+  EXPECT_EQ(answer.monolithic.status, Status::unbounded);
   EXPECT_EQ(answer.coordination.failed_block, 1U);
-  EXPECT_NE(answer.joint.detail.find("block 1 (arm) is unbounded by itself"), std::string::npos)
-      << answer.joint.detail;
+  EXPECT_NE(answer.monolithic.detail.find("block 1 (arm) is unbounded by itself"), std::string::npos)
+      << answer.monolithic.detail;
   CoupledOptions apart;
-  apart.joint = false;
+  apart.monolithic = false;
   const CoupledSolution unproved = solve_coupled(blocks.view(), apart).value();
-  EXPECT_EQ(unproved.joint.status, Status::numerical_failure) << unproved.joint.detail;
-  EXPECT_TRUE(unproved.joint.certificate.empty());
+  EXPECT_EQ(unproved.monolithic.status, Status::numerical_failure) << unproved.monolithic.detail;
+  EXPECT_TRUE(unproved.monolithic.certificate.empty());
   EXPECT_EQ(unproved.coordination.failed_block, 1U);
 }
 
@@ -229,8 +230,8 @@ TEST(Coupled, ARayOfABranchThatTheRowsExcludeIsNoProof) {
   blocks.right.r = {2.0};
   blocks.right_rows = testing::sparse(Eigen::RowVector2d(1.0, 0.0));
   const CoupledSolution answer = solve_coupled(blocks.view()).value();
-  ASSERT_TRUE(is_solved(answer.joint.status)) << answer.joint.detail;
-  EXPECT_NEAR(answer.joint.z[2], 8.0, 1e-8);
+  ASSERT_TRUE(is_solved(answer.monolithic.status)) << answer.monolithic.detail;
+  EXPECT_NEAR(answer.monolithic.z[2], 8.0, 1e-8);
   EXPECT_FALSE(answer.coordination.failed_block.has_value());
 }
 
@@ -238,9 +239,9 @@ TEST(Coupled, ABlockThatOnlyTheRowsHoldIsSolved) {
   TwoBlocks blocks;
   blocks.right = one_variable(0.0, -1.0);  // ½x² − y with x + y = 1: x = −1, y = 2
   const CoupledSolution answer = solve_coupled(blocks.view()).value();
-  ASSERT_TRUE(is_solved(answer.joint.status)) << answer.joint.detail;
-  EXPECT_NEAR(answer.joint.z[0], -1.0, 1e-8);
-  EXPECT_NEAR(answer.joint.z[1], 2.0, 1e-8);
+  ASSERT_TRUE(is_solved(answer.monolithic.status)) << answer.monolithic.detail;
+  EXPECT_NEAR(answer.monolithic.z[0], -1.0, 1e-8);
+  EXPECT_NEAR(answer.monolithic.z[1], 2.0, 1e-8);
 }
 
 // ½x² − 50y² with 0·x + 1.5y = 0: the proximal term does not hold y, the row does.
@@ -251,12 +252,12 @@ TEST(Coupled, ABlockThatIsUnboundedOnlyWithoutTheRowsIsNotCalledUnbounded) {
   blocks.right_rows = testing::sparse(Eigen::MatrixXd{{1.5}});
   blocks.total = {0.0};
   const CoupledSolution answer = solve_coupled(blocks.view()).value();
-  ASSERT_TRUE(is_solved(answer.joint.status)) << answer.joint.detail;
-  EXPECT_NEAR(answer.joint.z[1], 0.0, 1e-8);
+  ASSERT_TRUE(is_solved(answer.monolithic.status)) << answer.monolithic.detail;
+  EXPECT_NEAR(answer.monolithic.z[1], 0.0, 1e-8);
   EXPECT_FALSE(answer.coordination.failed_block.has_value());
-  const CoupledSolution alone = solve_coupled(blocks.view(), {.joint = false}).value();
-  EXPECT_EQ(alone.joint.status, Status::numerical_failure) << alone.joint.detail;
-  EXPECT_TRUE(alone.joint.certificate.empty());
+  const CoupledSolution alone = solve_coupled(blocks.view(), {.monolithic = false}).value();
+  EXPECT_EQ(alone.monolithic.status, Status::numerical_failure) << alone.monolithic.detail;
+  EXPECT_TRUE(alone.monolithic.certificate.empty());
 }
 
 TEST(Coupled, RowsThatContradictEachOtherAreInfeasibleAndNoBlockIsBlamed) {
@@ -264,11 +265,11 @@ TEST(Coupled, RowsThatContradictEachOtherAreInfeasibleAndNoBlockIsBlamed) {
   blocks.left_rows = blocks.right_rows = testing::sparse(Eigen::MatrixXd::Ones(2, 1));
   blocks.total = {1.0, 2.0};
   const CoupledSolution answer = solve_coupled(blocks.view()).value();
-  EXPECT_EQ(answer.joint.status, Status::infeasible) << answer.joint.detail;
+  EXPECT_EQ(answer.monolithic.status, Status::infeasible) << answer.monolithic.detail;
   EXPECT_FALSE(answer.coordination.failed_block.has_value());
   EXPECT_TRUE(
-      answer.joint.detail.starts_with("each block has an answer by itself, but not with the coupling"))
-      << answer.joint.detail;
+      answer.monolithic.detail.starts_with("each block has an answer by itself, but not with the coupling"))
+      << answer.monolithic.detail;
 }
 
 TEST(Coupled, AStopEndsItInTheNextIteration) {
@@ -277,7 +278,7 @@ TEST(Coupled, AStopEndsItInTheNextIteration) {
   CoupledControls controls{.progress = [&](const CoupledIteration&) { stop.request_stop(); },
                            .stop = stop.get_token()};
   const CoupledSolution answer = solve_coupled(coupled.view(), {}, controls).value();
-  EXPECT_EQ(answer.joint.status, Status::cancelled);
+  EXPECT_EQ(answer.monolithic.status, Status::cancelled);
   EXPECT_LE(answer.coordination.last.iteration, 2);
 }
 
@@ -285,14 +286,14 @@ TEST(Coupled, TheTimeLimitIsAnAnswerThatReportsHowFarItIs) {
   const testing::OwnedCoupled coupled = random_coupled({}, 1);
   CoupledOptions options;
   options.options.time_limit_s = 0.0;
-  for (const bool joint : {true, false}) {
-    options.joint = joint;
+  for (const bool monolithic : {true, false}) {
+    options.monolithic = monolithic;
     const CoupledSolution answer = solve_coupled(coupled.view(), options).value();
-    EXPECT_EQ(answer.joint.status, Status::time_limit);
-    const OwnedProblem whole = joint_problem(coupled.view());
-    const testing::Verdict verdict = testing::judge(whole.view(), answer.joint);
+    EXPECT_EQ(answer.monolithic.status, Status::time_limit);
+    const OwnedProblem whole = monolithic_problem(coupled.view());
+    const testing::Verdict verdict = testing::judge(whole.view(), answer.monolithic);
     EXPECT_GT(verdict.infeasibility(), 0.1);
-    EXPECT_NEAR(answer.joint.violations.equality, verdict.equality, 1e-12);
+    EXPECT_NEAR(answer.monolithic.violations.equality, verdict.equality, 1e-12);
   }
 }
 
@@ -312,26 +313,26 @@ TEST(Coupled, ReportsTheViolationsOfABlockThatStopsEarlyByItsOwnRows) {
   const std::vector<double> total(3, 0.0);
   const CoupledView view{{{"block", block.view(), rows.view()}}, total};
   const CoupledSolution answer = solve_coupled(view, options).value();
-  const testing::Verdict verdict = testing::judge(joint_problem(view).view(), answer.joint);
-  EXPECT_GT(verdict.complementarity, 0.1) << "solved by now: " << answer.joint.detail;
-  EXPECT_NEAR(answer.joint.violations.equality, verdict.equality, 1e-9);
-  EXPECT_NEAR(answer.joint.violations.inequality, verdict.inequality, 1e-9);
-  EXPECT_NEAR(answer.joint.violations.complementarity, verdict.complementarity, 1e-9);
+  const testing::Verdict verdict = testing::judge(monolithic_problem(view).view(), answer.monolithic);
+  EXPECT_GT(verdict.complementarity, 0.1) << "solved by now: " << answer.monolithic.detail;
+  EXPECT_NEAR(answer.monolithic.violations.equality, verdict.equality, 1e-9);
+  EXPECT_NEAR(answer.monolithic.violations.inequality, verdict.inequality, 1e-9);
+  EXPECT_NEAR(answer.monolithic.violations.complementarity, verdict.complementarity, 1e-9);
 }
 
 TEST(Coupled, BlocksThatDoNotAgreeReportByHowMuch) {
   const testing::OwnedCoupled coupled = random_coupled({}, 1);
   CoupledOptions options;
-  options.joint = false, options.max_iterations = 1;
+  options.monolithic = false, options.max_iterations = 1;
   const CoupledSolution answer = solve_coupled(coupled.view(), options).value();
-  EXPECT_EQ(answer.joint.status, Status::iteration_limit);
-  const OwnedProblem whole = joint_problem(coupled.view());
-  const testing::Verdict verdict = testing::judge(whole.view(), answer.joint);
+  EXPECT_EQ(answer.monolithic.status, Status::iteration_limit);
+  const OwnedProblem whole = monolithic_problem(coupled.view());
+  const testing::Verdict verdict = testing::judge(whole.view(), answer.monolithic);
   EXPECT_GT(verdict.equality, 1e-3);
-  EXPECT_NEAR(answer.joint.violations.equality, verdict.equality, 1e-12);
+  EXPECT_NEAR(answer.monolithic.violations.equality, verdict.equality, 1e-12);
 }
 
-TEST(Coupled, MemoryIsThatOfAllBlocksTogetherAndOfTheJointProblem) {
+TEST(Coupled, MemoryIsThatOfAllBlocksTogetherAndOfTheMonolithicProblem) {
   const testing::OwnedCoupled coupled = random_coupled({.blocks = 8}, 1);
   const auto refusal = [&](std::int64_t bytes) {
     const auto answer = solve_coupled(coupled.view(), {}, {.setup = {.most_bytes = bytes}});

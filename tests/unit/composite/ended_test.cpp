@@ -112,10 +112,10 @@ TEST(CoupledStops, EndTheRemainingBlocksWithoutTheirWork) {
     };
     const auto answer = solve_coupled(c.view(), {}, controls);
     ASSERT_TRUE(answer) << answer.error().message();
-    EXPECT_EQ(answer->joint.status, Status::cancelled) << last << ": " << answer->joint.detail;
+    EXPECT_EQ(answer->monolithic.status, Status::cancelled) << last << ": " << answer->monolithic.detail;
     EXPECT_EQ(answer->coordination.status, Status::cancelled) << last;
     EXPECT_EQ(solves, last) << "no block is solved after the stop";
-    EXPECT_EQ(answer->joint.z.size(), 160U);
+    EXPECT_EQ(answer->monolithic.z.size(), 160U);
   }
 }
 

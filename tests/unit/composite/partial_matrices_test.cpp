@@ -46,7 +46,7 @@ std::string plain(const OwnedProblem& p) { return reported(p.view(), solve_in_pr
 std::string coupled(const testing::OwnedCoupled& c) {
   const auto answer = solve_coupled(c.view());
   if (!answer) return answer.error().field;
-  return reported(joint_problem(c.view()).view(), answer->joint);
+  return reported(monolithic_problem(c.view()).view(), answer->monolithic);
 }
 
 std::string in_pieces(const OwnedProblem& p) {

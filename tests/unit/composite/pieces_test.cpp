@@ -28,24 +28,25 @@ TEST(Pieces, AnAnswerOfTheWholeIsOneOfThePiecesTogether) {
       cut(Problem::create(p.view()).value(), pieces_by_stage(stages(20), 3).value()).value();
   ASSERT_TRUE(check(pieces.view()).has_value());
   const CoupledStart start = pieces.start(whole);
-  Solution joint;
+  Solution monolithic;
   for (const Solution& block : start.blocks) {
     const auto append = [&](std::vector<double> Solution::*values) {
-      (joint.*values).insert((joint.*values).end(), (block.*values).begin(), (block.*values).end());
+      (monolithic.*values).insert((monolithic.*values).end(), (block.*values).begin(), (block.*values).end());
     };
     append(&Solution::z), append(&Solution::equality_multipliers), append(&Solution::inequality_multipliers);
     append(&Solution::complementarity_multipliers_L), append(&Solution::complementarity_multipliers_R);
   }
-  joint.equality_multipliers.insert(joint.equality_multipliers.end(), start.coupling_multipliers.begin(),
-                                    start.coupling_multipliers.end());
-  const OwnedProblem together = joint_problem(pieces.view());
-  const testing::Verdict verdict = testing::judge(together.view(), joint);
+  monolithic.equality_multipliers.insert(monolithic.equality_multipliers.end(),
+                                         start.coupling_multipliers.begin(),
+                                         start.coupling_multipliers.end());
+  const OwnedProblem together = monolithic_problem(pieces.view());
+  const testing::Verdict verdict = testing::judge(together.view(), monolithic);
   EXPECT_NEAR(verdict.objective, whole.objective, 1e-9 * (1.0 + std::abs(whole.objective)));
   EXPECT_LE(verdict.infeasibility(), 1e-6);
   EXPECT_LE(verdict.stationarity, 1e-6);
 }
 
-TEST(Pieces, TheyAgreeOnTheObjectiveOfTheirJointBranch) {
+TEST(Pieces, TheyAgreeOnTheObjectiveOfTheirMonolithicBranch) {
   const OwnedProblem p = examples::hopper({.steps = 120});
   const PiecesSolution answer =
       solve_in_pieces(Problem::create(p.view()).value(), stages(120), {.pieces = 2}).value();
@@ -107,9 +108,10 @@ TEST(Pieces, StagesAndPiecesOutOfRangeAreNamed) {
   none_in_1.back() = -1;
   EXPECT_EQ(cut(problem, none_in_1).error().index, static_cast<std::int64_t>(p.g.size()) - 1);
   EXPECT_EQ(solve_in_pieces(problem, stages(3), {.overlap = -2}).error().field, "overlap");
-  EXPECT_EQ(
-      solve_in_pieces(problem, stages(3), {.coupled = {.freeze_after = 5, .joint = false}}).error().field,
-      "joint");
+  EXPECT_EQ(solve_in_pieces(problem, stages(3), {.coupled = {.freeze_after = 5, .monolithic = false}})
+                .error()
+                .field,
+            "monolithic");
 }
 
 // As under UndefinedBehaviorSanitizer: the largest numbers that a request may have overflow nothing.

@@ -49,7 +49,7 @@ class LocalTransport final : public Transport {
                                                               const CallControls& /*call*/) const override {
     return unless_given_up<RemoteCoupledSolution, CoupledSolution>(
         marble::solve_coupled(view, options, controls),
-        [](const CoupledSolution& solved) { return solved.joint.status == Status::cancelled; });
+        [](const CoupledSolution& solved) { return solved.monolithic.status == Status::cancelled; });
   }
 
   [[nodiscard]] Expected<RemotePiecesSolution> solve_in_pieces(const Problem& problem,

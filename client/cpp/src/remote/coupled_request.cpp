@@ -73,15 +73,15 @@ Expected<v1::SolveStreamRequest> make_request(const Problem& problem,
 Expected<RemoteCoupledSolution> remote_coupled(const v1::SolveResponse& response, const CoupledView& view) {
   auto answer = answer_of<RemoteCoupledSolution>(response);
   if (!answer) return answer;
-  answer->joint = solution_of(response.solution());
-  answer->places = joint_places(view);
+  answer->monolithic = solution_of(response.solution());
+  answer->places = monolithic_places(view);
   const BlockPlace& ends = answer->places.back();
   const std::size_t equalities = static_cast<std::size_t>(ends.equalities) + view.total.size();
-  if (answer->joint.z.size() != static_cast<std::size_t>(ends.variables) ||
-      answer->joint.equality_multipliers.size() != equalities) {
-    return unexpected(
-        invalid("blocks", std::to_string(ends.variables) + " variables",
-                "must be those that were sent: the answer has " + std::to_string(answer->joint.z.size())));
+  if (answer->monolithic.z.size() != static_cast<std::size_t>(ends.variables) ||
+      answer->monolithic.equality_multipliers.size() != equalities) {
+    return unexpected(invalid(
+        "blocks", std::to_string(ends.variables) + " variables",
+        "must be those that were sent: the answer has " + std::to_string(answer->monolithic.z.size())));
   }
   return answer;
 }

@@ -149,8 +149,9 @@ class Client(Connected):
         blocks, coupling (E_k), total, coupling_multipliers: see Coupled. Solved on one server, blocks on idle workers,
         block by block for multipliers of the rows; last the branch that was found, as one problem. progress: a row an
         iteration, whose violations.equality is of the rows and kkt_residual the largest step of a multiplier. settings:
-        proximal, max_iterations, freeze_after, max_searches, max_pair_switches, tolerance, joint, joint_search,
-        described with their defaults in coupled.proto; other names are options, as in solve. All else as in solve.
+        proximal, max_iterations, freeze_after, max_searches, max_pair_switches, tolerance, monolithic,
+        monolithic_search, described with their defaults in coupled.proto; other names are options, as in solve. All
+        else as in solve.
 
         sessions: this process coordinates instead, and blocks are sessions, assigned to the servers of the client's
         address in turns, which do not see other servers' blocks; needs marble._core, and is not available in

@@ -59,9 +59,9 @@ export interface PiecesControls extends CommonControls, CallControls {
   /** Relative tolerance of the coupling rows and of the last step, in (0, 1); default 1e-9, for pieces 1e-8. */
   tolerance?: number;
   /** Whether the final branch is solved exactly as a monolithic problem; default true, required for pieces. */
-  joint?: boolean;
+  monolithic?: boolean;
   /** Whether the monolithic problem searches for better branches; default true, for pieces false. */
-  jointSearch?: boolean;
+  monolithicSearch?: boolean;
   /**
    * Called for every iteration: `objective` of the blocks, violation of the coupling rows in `violations.equality`,
    * largest step of a multiplier in `kktResidual`, `rho`, `factorizations`.
@@ -171,14 +171,14 @@ export function piecesRequest(problem: Problem, cut: Pieces, controls: PiecesCon
 }
 
 function settingsOf(controls: PiecesControls): Message {
-  const { proximal, maxIterations, freezeAfter, maxSearches, maxPairSwitches, tolerance, joint, jointSearch } = controls;
+  const { proximal, maxIterations, freezeAfter, maxSearches, maxPairSwitches, tolerance, monolithic, monolithicSearch } = controls;
   for (const [field, value] of Object.entries({ proximal, tolerance })) {
     if (value !== undefined && typeof value !== "number") throw invalid(`coupled.${field}`, "must be a number", { value });
   }
   for (const [field, value] of Object.entries({ maxIterations, freezeAfter, maxSearches, maxPairSwitches })) {
     wholeOrZero(`coupled.${field}`, value);
   }
-  const settings = { proximal, maxIterations, freezeAfter, maxSearches, maxPairSwitches, tolerance, joint, jointSearch };
+  const settings = { proximal, maxIterations, freezeAfter, maxSearches, maxPairSwitches, tolerance, monolithic, monolithicSearch };
   return { ...Message.fromPartial({}), ...settings };
 }
 

@@ -62,10 +62,10 @@ struct CoupledOptions {
   double tolerance = 1e-9;  ///< relative, for Σ E_k y_k − e and for the last step; in (0, 1)
   /// Whether the branch found is solved exactly as one monolithic problem, and certified like any solution.
   /// If not, the solution consists of the blocks' own ones, and the coupling rows hold to `tolerance`.
-  bool joint = true;
+  bool monolithic = true;
   /// Whether better branches of the monolithic problem are searched for before that, near the one that the
   /// blocks found: a local search and further starts, which take about as long as solving it as a whole.
-  bool joint_search = true;
+  bool monolithic_search = true;
 
   /// Checks all options. Errors name the field: "proximal", ….
   [[nodiscard]] Expected<void> check() const;
@@ -183,8 +183,8 @@ struct Coordination {
   std::int32_t pair_switches = 0;            ///< pairs that stayed on their other side
 };
 
-/// Iterates until the blocks agree. `total`: e. `options.joint` is ignored. Errors: invalid_argument of the
-/// fields of CoupledOptions, or of "total"; and the errors of tick().
+/// Iterates until the blocks agree. `total`: e. `options.monolithic` is ignored. Errors: invalid_argument of
+/// the fields of CoupledOptions, or of "total"; and the errors of tick().
 [[nodiscard]] Expected<Coordination> coordinate(BlockTicks& blocks, std::span<const double> total,
                                                 const CoupledOptions& options = {},
                                                 const CoupledControls& controls = {});
@@ -202,13 +202,14 @@ struct CoupledSolution {
   /// Solution of the monolithic problem: the vectors of all blocks one after the other, at `places`. The last
   /// m equality multipliers are the multipliers λ of the coupling rows. Its factorizations are those of the
   /// monolithic solve.
-  Solution joint;
+  Solution monolithic;
   std::vector<BlockPlace> places;  ///< one for each block, and one more for the ends
   Coordination coordination;       ///< how the blocks reached it
   double blocks_objective = 0.0;   ///< Σ f_k(y_k) of the blocks, before the monolithic solve
   /// Returns the multipliers λ of the coupling rows, m.
   [[nodiscard]] std::span<const double> coupling_multipliers() const {
-    return std::span(joint.equality_multipliers).subspan(static_cast<std::size_t>(places.back().equalities));
+    return std::span(monolithic.equality_multipliers)
+        .subspan(static_cast<std::size_t>(places.back().equalities));
   }
 };
 
@@ -222,9 +223,9 @@ struct CoupledSolution {
 
 /// Returns all blocks and coupling rows as one LCQP: the variables, rows and pairs of the blocks in their
 /// order; the coupling rows Σ E_k z_k − e = 0 are the last equalities. The view must have passed check().
-[[nodiscard]] OwnedProblem joint_problem(const CoupledView& view);
+[[nodiscard]] OwnedProblem monolithic_problem(const CoupledView& view);
 /// Returns where the blocks begin in it, and the ends.
-[[nodiscard]] std::vector<BlockPlace> joint_places(const CoupledView& view);
+[[nodiscard]] std::vector<BlockPlace> monolithic_places(const CoupledView& view);
 
 /// Solves a coupled problem in this process. Errors: as check(), CoupledOptions::check() and Solver::create.
 [[nodiscard]] Expected<CoupledSolution> solve_coupled(const CoupledView& view,

@@ -49,16 +49,17 @@ struct Pieces {
 
 /// Options of the solve of a long horizon in segments.
 struct PiecesOptions {
-  /// For the agreement of the segments; `joint` must be true. By default ρ = 100, each pair keeps the side
-  /// that it has after the forward pass over the segments, no better branch of the whole problem is searched
-  /// for, and the tolerance is 1e-8, because the whole problem is then solved exactly.
-  CoupledOptions coupled = {.proximal = 100.0, .freeze_after = 0, .tolerance = 1e-8, .joint_search = false};
+  /// For the agreement of the segments; `monolithic` must be true. By default ρ = 100, each pair keeps the
+  /// side that it has after the forward pass over the segments, no better branch of the whole problem is
+  /// searched for, and the tolerance is 1e-8, because the whole problem is then solved exactly.
+  CoupledOptions coupled = {
+      .proximal = 100.0, .freeze_after = 0, .tolerance = 1e-8, .monolithic_search = false};
   Index pieces = 2;  ///< >= 1, at most the number of stages
   /// Number of stages of overlap for each segment in the forward pass, >= −1; −1: a third of a segment,
   /// but at least 2.
   Index overlap = -1;
 
-  /// Checks all options. Errors name the field: "overlap", "joint", and those of CoupledOptions::check.
+  /// Checks all options. Errors name the field: "overlap", "monolithic", and those of CoupledOptions::check.
   [[nodiscard]] Expected<void> check() const;
 };
 

@@ -23,7 +23,7 @@ from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.solution import Solution
 
 SETTINGS: Final = ("proximal", "max_iterations", "freeze_after", "max_searches", "max_pair_switches", "tolerance",
-                   "joint", "joint_search")
+                   "monolithic", "monolithic_search")
 
 
 def split(given: Mapping[str, Any],

@@ -63,7 +63,7 @@ class Coordination:
     else that of the block `failed`.
     iterations: of the coordinator. violation: of the coupling rows. step: the largest of a multiplier.
     proximal: the last ρ. frozen_at: the iteration in which pairs were frozen, 0 never; pair_switches: switches of pairs
-    then. factorizations: of all blocks. objective: Σ f_k before the joint solve.
+    then. factorizations: of all blocks. objective: Σ f_k before the monolithic solve.
     sweep_objective, sweep_factorizations: of the forward pass over pieces; None and 0 without one.
     """
 
@@ -86,10 +86,10 @@ class Coordination:
 class CoupledSolution:
     """The solution of coupled blocks.
 
-    status, detail, objective: of the joint problem. z: of each block. coupling_multipliers: multipliers of the
-    rows, m. solution: of the joint problem, all blocks' vectors one after the other, the coupling_multipliers the last
-    of y. coordination: of the blocks. repeated: of blocks in sessions, steps that were repeated because the session or
-    its server was lost.
+    status, detail, objective: of the monolithic problem. z: of each block. coupling_multipliers: multipliers of the
+    rows, m. solution: of the monolithic problem, all blocks' vectors one after the other, the coupling_multipliers the
+    last of y. coordination: of the blocks. repeated: of blocks in sessions, steps that were repeated because the
+    session or its server was lost.
     """
 
     status: Status
@@ -146,7 +146,7 @@ def stages_of(problem: LCQP, pieces: Pieces) -> NDArray[np.integer[Any]]:
 
 def solution_of(solution: Solution, blocks: Sequence[LCQP | Problem], coupling_multipliers: Vector,
               coordination: Coordination) -> CoupledSolution:
-    """The solution of the joint problem, block by block."""
+    """The solution of the monolithic problem, block by block."""
     sizes = [compiled(block).g.size for block in blocks]
     if sum(sizes) != solution.z.size:
         raise InvalidArgument("blocks", f"must have {solution.z.size} variables, as the answer has", value=sum(sizes))

@@ -43,7 +43,7 @@ void append(std::span<const double> values, std::vector<double>& to) {
 
 }  // namespace
 
-std::vector<BlockPlace> joint_places(const CoupledView& view) {
+std::vector<BlockPlace> monolithic_places(const CoupledView& view) {
   std::vector<BlockPlace> places(1);
   for (const CoupledBlock& block : view.blocks) {
     const BlockPlace& last = places.back();
@@ -55,11 +55,11 @@ std::vector<BlockPlace> joint_places(const CoupledView& view) {
   return places;
 }
 
-OwnedProblem joint_problem(const CoupledView& view) {
-  const Index coupling_begins = joint_places(view).back().equalities;
+OwnedProblem monolithic_problem(const CoupledView& view) {
+  const Index coupling_begins = monolithic_places(view).back().equalities;
   OwnedProblem p;
-  p.name = "joint";
-  // If one block gives only one triangle, the joint problem does so too.
+  p.name = "monolithic";
+  // If one block gives only one triangle, the monolithic problem does so too.
   p.hessian_form = HessianForm::upper_triangle;
   Diagonal Q, A, C, L, R;
   Index equalities = 0;

@@ -1,4 +1,4 @@
-#include "composite/joint_search.h"
+#include "composite/monolithic_search.h"
 
 #include <limits>
 #include <utility>

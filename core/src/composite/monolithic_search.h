@@ -1,4 +1,4 @@
-// Searches for better branches of a joint problem, near the one that its blocks found.
+// Searches for better branches of a monolithic problem, near the one that its blocks found.
 #pragma once
 
 #include "marble/composite/coupled.h"
