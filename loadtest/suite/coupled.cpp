@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "families.h"
-#include "marble/composite/pieces.h"
+#include "marble/composite/segments.h"
 #include "marble/examples.h"
 #include "support/coupled_problems.h"
 #include "support/independent_check.h"
@@ -78,25 +78,25 @@ std::vector<Index> stages_of_hopper(int steps) {
   return stages;
 }
 
-void hoppers_in_pieces(int only_steps) {
-  std::printf("%6s %6s %22s %8s %6s %12s %9s %12s %16s %16s %10s %22s\n", "steps", "pieces", "pieces end",
+void hoppers_in_segments(int only_steps) {
+  std::printf("%6s %6s %22s %8s %6s %12s %9s %12s %16s %16s %10s %22s\n", "steps", "segments", "segments end",
               "iterat.", "switches", "fact. blocks", "monolithic", "ms", "objective", "of the blocks",
               "whole ms", "whole");
   testing::Threads threads(kThreads);
-  for (const auto& [steps, pieces] :
+  for (const auto& [steps, segments] :
        {std::pair{120, 2}, std::pair{240, 4}, std::pair{480, 8}, std::pair{960, 16}, std::pair{1920, 32}}) {
     if (only_steps != 0 && steps != only_steps) continue;
     examples::HopperParameters parameters;
     parameters.steps = steps;
     const OwnedProblem p = examples::hopper(parameters);
     const Problem problem = Problem::create(p.view()).value();
-    PiecesOptions options;
-    options.pieces = pieces;
+    SegmentsOptions options;
+    options.num_segments = segments;
     auto begin = Clock::now();
-    const PiecesSolution answer =
-        solve_in_pieces(problem, stages_of_hopper(steps), options, {.runner = &threads}).value();
+    const SegmentsSolution answer =
+        solve_in_segments(problem, stages_of_hopper(steps), options, {.runner = &threads}).value();
     const double ms = ms_since(begin);
-    std::printf("%6d %6d %22s %8d %6d %12lld %9d %12.1f %16.9f %16.9f", steps, pieces,
+    std::printf("%6d %6d %22s %8d %6d %12lld %9d %12.1f %16.9f %16.9f", steps, segments,
                 to_string(answer.whole.status), answer.coordination.last.iteration,
                 answer.coordination.pair_switches,
                 static_cast<long long>(answer.coordination.last.factorizations), answer.whole.factorizations,
@@ -163,7 +163,7 @@ void coupled(const Settings& settings) {
     random_family("10 x 40, 10 pairs", {.blocks = 10, .variables = 40, .pairs = 10, .rows = 10},
                   10 * settings.seeds);
   if (settings.only.empty() || settings.only == "hoppers") hoppers_on_a_budget();
-  if (settings.only.empty() || settings.only == "pieces") hoppers_in_pieces(settings.steps);
+  if (settings.only.empty() || settings.only == "segments") hoppers_in_segments(settings.steps);
 }
 
 }  // namespace marble::suite

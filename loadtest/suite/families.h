@@ -43,7 +43,7 @@ void warm(const Settings& settings);
 void mpc(const Settings& settings);
 /// The hopper at horizons of 30 to 480 steps.
 void growth(const Settings& settings);
-/// Hoppers of 120 to 1,920 steps with varied numbers, whole against in pieces: objectives, work and time.
+/// Hoppers of 120 to 1,920 steps with varied numbers, whole against in segments: objectives, work and time.
 void horizons(const Settings& settings);
 /// Branch and bound on problems with known optima and on the paper's: bounds, nodes and their cost.
 void global(const Settings& settings);
@@ -68,7 +68,7 @@ void conflicts(const Settings& settings);
 /// Compares the solver with QP solvers on convex QPs without pairs: random sparse QPs, linear MPC and
 /// obstacle problems.
 void qp(const Settings& settings);
-/// Problems coupled by rows, and hoppers divided into pieces: block by block, and whole.
+/// Problems coupled by rows, and hoppers divided into segments: block by block, and whole.
 void coupled(const Settings& settings);
 /// One plan for sampled scenarios, in growing sample-average stages against all at once: the rocket by its
 /// trigger's altitude, the hopper by friction.

@@ -1,4 +1,4 @@
-// Compares long plans of the hopper solved whole, and in pieces of 60 steps by solve_in_pieces, which is
+// Compares long plans of the hopper solved whole, and in segments of 60 steps by solve_in_segments, which is
 // given the stages.
 #include <algorithm>
 #include <cmath>
@@ -7,14 +7,14 @@
 #include <vector>
 
 #include "families.h"
-#include "marble/composite/pieces.h"
+#include "marble/composite/segments.h"
 #include "marble/examples.h"
 #include "support/independent_check.h"
 
 namespace marble::suite {
 namespace {
 
-constexpr int kPieceSteps = 60;
+constexpr int kSegmentSteps = 60;
 
 double processor_seconds() {
   timespec now{};
@@ -35,13 +35,13 @@ Answer whole(const OwnedProblem& p) {
           is_solved(s.status) && testing::judge(p.view(), s).infeasibility() <= 1e-6};
 }
 
-Answer in_pieces(const OwnedProblem& p, int steps) {
+Answer in_segments(const OwnedProblem& p, int steps) {
   std::vector<Index> stage;
   for (int k = 0; k < steps; ++k) stage.insert(stage.end(), examples::kHopperVariables, k);
   const double begin = processor_seconds();
-  const PiecesSolution s =
-      solve_in_pieces(Problem::create(p.view()).value(), stage, {.pieces = std::max(1, steps / kPieceSteps)})
-          .value();
+  const SegmentsSolution s = solve_in_segments(Problem::create(p.view()).value(), stage,
+                                               {.num_segments = std::max(1, steps / kSegmentSteps)})
+                                 .value();
   return {s.whole.objective, processor_seconds() - begin,
           s.sweep_factorizations + s.coordination.last.factorizations + s.whole.factorizations,
           is_solved(s.whole.status) && testing::judge(p.view(), s.whole).infeasibility() <= 1e-6};
@@ -52,7 +52,7 @@ Answer in_pieces(const OwnedProblem& p, int steps) {
 // The numbers of segments were tuned on even seeds; --judge uses odd ones.
 void horizons(const Settings& settings) {
   std::printf("%6s %5s %16s %8s %8s %16s %8s %8s %9s %9s\n", "steps", "seed", "whole", "fact.", "CPU s",
-              "pieces", "fact.", "CPU s", "objective", "time");
+              "segments", "fact.", "CPU s", "objective", "time");
   for (int steps = 120; steps <= 1920; steps *= 2) {
     if (settings.steps != 0 && steps != settings.steps) continue;
     std::vector<double> objectives, times;
@@ -63,7 +63,7 @@ void horizons(const Settings& settings) {
       if (seed > 0) parameters = examples::vary(parameters, static_cast<std::uint64_t>(seed));
       parameters.steps = steps;
       const OwnedProblem p = examples::hopper(parameters);
-      const Answer a = whole(p), b = in_pieces(p, steps);
+      const Answer a = whole(p), b = in_segments(p, steps);
       objectives.push_back(a.objective / b.objective), times.push_back(a.seconds / b.seconds);
       feasible += a.feasible, near += a.feasible && a.objective <= 1.05 * b.objective;
       std::printf("%6d %5d %16.6f %8lld %8.2f %16.6f %8lld %8.2f %9.3f %9.2f\n", steps, seed, a.objective,
@@ -72,7 +72,7 @@ void horizons(const Settings& settings) {
       std::fflush(stdout);
     }
     std::printf(
-        "%6d: %d of %d feasible, %d within 5 %% of the pieces; objective median %.3f worst %.3f, time "
+        "%6d: %d of %d feasible, %d within 5 %% of the segments; objective median %.3f worst %.3f, time "
         "median %.2f worst %.2f of theirs\n",
         steps, feasible, settings.seeds, near, median(objectives), *std::ranges::max_element(objectives),
         median(times), *std::ranges::max_element(times));

@@ -23,7 +23,7 @@ proofs conflicts qp coupled scenarios; all of them by default.
                        nothing is chosen on
   --starts K           of the references where none is known, default 8
   --time-limit S       of global and proofs, default 60
-  --only NAME          of global and qp, that problem; of coupled small, large, hoppers or pieces; of scenarios optima,
+  --only NAME          of global and qp, that problem; of coupled small, large, hoppers or segments; of scenarios optima,
                        chains, many or hopper; of proofs macmpec, robots, gates, qpecs, integers, hard or lcps
   --keep FOLDER        of proofs: leave problems and proofs there
   --steps N            of coupled and horizons, the hopper of that horizon: 120, 240, 480, 960 or 1920

@@ -7,7 +7,7 @@
 namespace marble {
 namespace {
 
-constexpr std::string_view kCoupled = "coupled.", kPieces = "pieces.", kStart = "start.",
+constexpr std::string_view kCoupled = "coupled.", kSegments = "segments.", kStart = "start.",
                            kProblem = ".problem.";
 
 // Renames the last part of a path such as "blocks[3].problem.A".
@@ -19,8 +19,8 @@ std::string renamed(const std::string& field, const Rename& rename) {
   return field.substr(0, end) + rename(field.substr(end));
 }
 
-bool of_pieces(const std::string& field) {
-  return field == "stages" || field == "pieces" || field == "overlap";
+bool of_segments(const std::string& field) {
+  return field == "stages" || field == "num_segments" || field == "overlap";
 }
 
 }  // namespace
@@ -108,7 +108,7 @@ Coordination coordination_of(const v1::CoupledOutcome& message) {
 
 std::string coupled_message_field(const std::string& core_field) {
   std::string field = renamed(core_field, [](const std::string& part) { return message_field(part); });
-  if (of_pieces(field)) field.insert(0, kPieces);
+  if (of_segments(field)) field.insert(0, kSegments);
   if (field.starts_with(kStart)) field.erase(0, kStart.size());
   return std::string(kCoupled) + field;
 }
@@ -116,7 +116,7 @@ std::string coupled_message_field(const std::string& core_field) {
 std::string coupled_core_field(const std::string& message_field) {
   if (!message_field.starts_with(kCoupled)) return message_field;
   std::string field = message_field.substr(kCoupled.size());
-  if (field.starts_with(kPieces)) field.erase(0, kPieces.size());
+  if (field.starts_with(kSegments)) field.erase(0, kSegments.size());
   if (field == "coupling_multipliers") field.insert(0, kStart);
   return renamed(field, [](const std::string& part) { return core_field(part); });
 }

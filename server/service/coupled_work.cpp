@@ -78,36 +78,37 @@ Work blocks_work(const v1::SolveRequest& request, const CoupledOptions& settings
   };
 }
 
-Expected<Work> pieces_work(const Config& config, const v1::SolveRequest& request,
-                           const CoupledOptions& settings) {
-  const v1::Pieces& pieces = request.coupled().pieces();
-  PiecesOptions options{.coupled = settings, .pieces = pieces.pieces()};
-  if (pieces.has_overlap()) options.overlap = pieces.overlap();
+Expected<Work> segments_work(const Config& config, const v1::SolveRequest& request,
+                             const CoupledOptions& settings) {
+  const v1::Segments& segments = request.coupled().segments();
+  SegmentsOptions options{.coupled = settings, .num_segments = segments.num_segments()};
+  if (segments.has_overlap()) options.overlap = segments.overlap();
   if (request.coupled().total_size() > 0 || request.coupled().coupling_multipliers_size() > 0)
     return unexpected(
-        invalid("coupled.pieces", "must be alone: total and coupling_multipliers are of blocks"));
-  if (auto fits = check_count(config, options.pieces, "coupled.pieces.pieces", " pieces"); !fits)
+        invalid("coupled.segments", "must be alone: total and coupling_multipliers are of blocks"));
+  if (auto fits = check_count(config, options.num_segments, "coupled.segments.num_segments", " segments");
+      !fits)
     return unexpected(fits.error());
-  const std::span stages(pieces.stages().data(), static_cast<std::size_t>(pieces.stages_size()));
+  const std::span stages(segments.stages().data(), static_cast<std::size_t>(segments.stages_size()));
   const auto problem = Problem::create(view_of(request.problem()));
   if (!problem) return unexpected(problem.error());
   if (stages.size() != static_cast<std::size_t>(problem->variables())) {
-    return unexpected(invalid("coupled.pieces.stages", std::to_string(stages.size()),
+    return unexpected(invalid("coupled.segments.stages", std::to_string(stages.size()),
                               "must be " + std::to_string(problem->variables()) + ", one a variable"));
   }
   if (auto valid = options.check(); !valid) return unexpected(as_in_message(valid.error()));
-  if (auto dealt = pieces_by_stage(stages, options.pieces); !dealt)
+  if (auto dealt = segments_by_stage(stages, options.num_segments); !dealt)
     return unexpected(as_in_message(dealt.error()));
   return [problem = *problem, stages, options](const CoupledControls& controls,
                                                Reported& reported) -> Expected<Solution> {
-    auto solved = solve_in_pieces(problem, stages, options, controls);
+    auto solved = solve_in_segments(problem, stages, options, controls);
     if (!solved) return unexpected(as_in_message(solved.error()));
     Solution whole = std::move(solved->whole);
     solved->coordination.answers.clear();
-    reported = [pieces_reported = *std::move(solved)](v1::CoupledOutcome* outcome) {
-      to_message(pieces_reported.coordination, pieces_reported.blocks_objective, outcome);
-      outcome->set_sweep_objective(pieces_reported.sweep_objective);
-      outcome->set_sweep_factorizations(pieces_reported.sweep_factorizations);
+    reported = [segments_reported = *std::move(solved)](v1::CoupledOutcome* outcome) {
+      to_message(segments_reported.coordination, segments_reported.blocks_objective, outcome);
+      outcome->set_sweep_objective(segments_reported.sweep_objective);
+      outcome->set_sweep_factorizations(segments_reported.sweep_factorizations);
     };
     return whole;
   };
@@ -120,8 +121,8 @@ Expected<BlockPlace> check_blocks(const Config& config, const v1::SolveRequest& 
   other.clear_name();
   if (other.ByteSizeLong() > 0)
     return unexpected(invalid("problem", "must have nothing but its name: blocks have the problems"));
-  if (request.coupled().has_pieces())
-    return unexpected(invalid("coupled.pieces", "must be absent where there are blocks"));
+  if (request.coupled().has_segments())
+    return unexpected(invalid("coupled.segments", "must be absent where there are blocks"));
   if (auto fits = check_count(config, request.coupled().blocks_size(), "coupled.blocks", " blocks"); !fits)
     return unexpected(fits.error());
   const CoupledView view = coupled_of(request.coupled());
@@ -149,9 +150,9 @@ Expected<void> set_coupled_work(const Config& config, std::shared_ptr<const v1::
     return unexpected(
         invalid("sensitivity", "must be absent beside coupled: ask for it with the monolithic problem"));
   const bool blocks = has_blocks(*request);
-  if (!blocks && !request->coupled().has_pieces())
-    return unexpected(invalid("coupled.blocks", "or pieces must be there"));
-  CoupledOptions settings = blocks ? CoupledOptions{} : PiecesOptions{}.coupled;
+  if (!blocks && !request->coupled().has_segments())
+    return unexpected(invalid("coupled.blocks", "or segments must be there"));
+  CoupledOptions settings = blocks ? CoupledOptions{} : SegmentsOptions{}.coupled;
   settings.options = options;
   take_settings(request->coupled(), settings);
   if (auto valid = settings.check(); !valid) return unexpected(as_in_message(valid.error()));
@@ -163,7 +164,7 @@ Expected<void> set_coupled_work(const Config& config, std::shared_ptr<const v1::
   if (blocks) {
     work = blocks_work(*request, settings);
   } else {
-    auto made = pieces_work(config, *request, settings);
+    auto made = segments_work(config, *request, settings);
     if (!made) return unexpected(made.error());
     work = *std::move(made);
   }

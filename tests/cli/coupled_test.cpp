@@ -1,4 +1,4 @@
-// marble coupled: problems that rows tie together, and a long one in pieces.
+// marble coupled: problems that rows tie together, and a long one in segments.
 #include <cstdlib>
 
 #include "cli_test.h"
@@ -48,14 +48,14 @@ TEST_F(CoupledCommand, ReportsALineAnIterationAndThenTheAnswer) {
   }
 }
 
-TEST_F(CoupledCommand, CutsALongProblemIntoPieces) {
+TEST_F(CoupledCommand, CutsALongProblemIntoSegments) {
   const Result example = run("example hopper --steps 12");
   ASSERT_EQ(example.exit_code, 0) << example.err;
   const std::string hopper = file("hopper.json", example.out);
   const auto whole = run("solve --output json --server " + server_.address() + " " + quoted(hopper)).lines();
   const auto n = whole.back()["z"].size();
   const auto lines =
-      marble("--output json --pieces 2 --stage-variables " + std::to_string(n / 12) + " " + quoted(hopper))
+      marble("--output json --segments 2 --stage-variables " + std::to_string(n / 12) + " " + quoted(hopper))
           .lines();
   ASSERT_GE(lines.size(), 2U);
   EXPECT_EQ(lines.back()["status"], "solved");
@@ -76,7 +76,7 @@ TEST_F(CoupledCommand, NamesWhatIsWrongWithAFile) {
           "blocks[0].problem (away)");
   refused(quoted(cell(R"({"rows":1,"cols":1,"i":[0],"j":[0]})")), "blocks[0].coupling.v: must be there");
   refused(quoted(cell(R"({"rows":2,"cols":1,"i":[0],"j":[0],"v":[1]})")), "blocks[0].coupling.rows");
-  refused("--pieces 2 left.json", "--stage-variables");
+  refused("--segments 2 left.json", "--stage-variables");
 }
 
 }  // namespace

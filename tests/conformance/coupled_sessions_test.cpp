@@ -131,7 +131,7 @@ TEST_F(CoupledSessions, TheTimeLimitIsAnAnswer) {
   EXPECT_EQ(answer->monolithic.status, Status::time_limit);
 }
 
-TEST_F(CoupledSessions, ALongHorizonsPiecesAgreeThoughAServerIsKilled) {
+TEST_F(CoupledSessions, ALongHorizonsSegmentsAgreeThoughAServerIsKilled) {
   start();
   const Client client = Client::connect(address_).value();
   const examples::HopperParameters parameters{.steps = 24};
@@ -140,12 +140,12 @@ TEST_F(CoupledSessions, ALongHorizonsPiecesAgreeThoughAServerIsKilled) {
   std::vector<Index> stages;
   for (Index step = 0; step < parameters.steps; ++step)
     stages.insert(stages.end(), examples::kHopperVariables, step);
-  const PiecesOptions options{.pieces = 4};
-  const PiecesSolution here = solve_in_pieces(problem, stages, options).value();
+  const SegmentsOptions options{.num_segments = 4};
+  const SegmentsSolution here = solve_in_segments(problem, stages, options).value();
   const CoupledControls controls{.progress = [&](const CoupledIteration& now) {
     if (now.iteration == 2) servers_[2]->send(SIGKILL), servers_[2]->wait();
   }};
-  const auto answer = client.solve_in_pieces_by_sessions(problem, stages, options, controls);
+  const auto answer = client.solve_in_segments_by_sessions(problem, stages, options, controls);
   ASSERT_TRUE(answer.has_value()) << answer.error().message();
   EXPECT_EQ(answer->coordination.status, here.coordination.status) << answer->coordination.detail;
   EXPECT_GE(answer->repeated, 1);
@@ -172,18 +172,19 @@ TEST_F(CoupledSessions, OnOneServerItIsOneCallWithTheBitsOfThisProcess) {
   EXPECT_EQ(in_process.monolithic.z, here.monolithic.z);
 }
 
-TEST_F(CoupledSessions, PiecesOnOneServerHaveTheBitsOfThisProcess) {
+TEST_F(CoupledSessions, SegmentsOnOneServerHaveTheBitsOfThisProcess) {
   start();
   const OwnedProblem hopper = examples::hopper({.steps = 12});
   const Problem problem = Problem::create(hopper.view()).value();
   std::vector<Index> stages;
   for (Index step = 0; step < 12; ++step) stages.insert(stages.end(), examples::kHopperVariables, step);
-  const PiecesSolution here = solve_in_pieces(problem, stages).value();
-  const RemotePiecesSolution there = single_[0].solve_in_pieces(problem, stages).value();
+  const SegmentsSolution here = solve_in_segments(problem, stages).value();
+  const RemoteSegmentsSolution there = single_[0].solve_in_segments(problem, stages).value();
   EXPECT_EQ(there.whole.z, here.whole.z);
   EXPECT_EQ(there.sweep_objective, here.sweep_objective);
   EXPECT_EQ(there.sweep_factorizations, here.sweep_factorizations);
-  EXPECT_EQ(single_[0].solve_in_pieces(problem, stages, {.pieces = 13}).error().field, "pieces");
+  EXPECT_EQ(single_[0].solve_in_segments(problem, stages, {.num_segments = 13}).error().field,
+            "num_segments");
 }
 
 TEST_F(CoupledSessions, SubmittedTheyAnswerLaterWithTheBitsOfTheCall) {
@@ -208,14 +209,14 @@ TEST_F(CoupledSessions, SubmittedTheyAnswerLaterWithTheBitsOfTheCall) {
   const Problem problem = Problem::create(hopper.view()).value();
   std::vector<Index> stages;
   for (Index step = 0; step < 12; ++step) stages.insert(stages.end(), examples::kHopperVariables, step);
-  const SubmittedJob cut = jobs.submit_in_pieces(problem, stages).value();
-  const RemotePiecesSolution pieces = jobs.pieces(cut.job_id, {.wait = true}).value();
-  const RemotePiecesSolution at_once = single_[0].solve_in_pieces(problem, stages).value();
-  EXPECT_EQ(pieces.whole.z, at_once.whole.z);
-  EXPECT_EQ(pieces.sweep_objective, at_once.sweep_objective);
+  const SubmittedJob cut = jobs.submit_in_segments(problem, stages).value();
+  const RemoteSegmentsSolution segments = jobs.segments(cut.job_id, {.wait = true}).value();
+  const RemoteSegmentsSolution at_once = single_[0].solve_in_segments(problem, stages).value();
+  EXPECT_EQ(segments.whole.z, at_once.whole.z);
+  EXPECT_EQ(segments.sweep_objective, at_once.sweep_objective);
 
   const SubmittedJob plain = jobs.submit(hopper.view()).value();
-  EXPECT_EQ(jobs.pieces(plain.job_id, {.wait = true}).error().code, ErrorCode::failed_precondition);
+  EXPECT_EQ(jobs.segments(plain.job_id, {.wait = true}).error().code, ErrorCode::failed_precondition);
 }
 
 TEST_F(CoupledSessions, AFaultHasTheFieldOfThisProcessWhereverItIsFound) {

@@ -1,4 +1,4 @@
-// SolveCoupled: problems that rows tie together, and a long one in pieces.
+// SolveCoupled: problems that rows tie together, and a long one in segments.
 #include <functional>
 #include <limits>
 #include <string>
@@ -23,13 +23,13 @@ class CoupledCalls : public JobsServiceTest {
     to_message(cell_.view(), request.mutable_coupled());
     return request;
   }
-  [[nodiscard]] static v1::SolveRequest pieces(Index steps, Index count) {
+  [[nodiscard]] static v1::SolveRequest segments(Index steps, Index count) {
     v1::SolveRequest request;
     to_message(examples::hopper({.steps = steps}).view(), request.mutable_problem());
-    v1::Pieces* pieces = request.mutable_coupled()->mutable_pieces();
+    v1::Segments* segments = request.mutable_coupled()->mutable_segments();
     for (Index j = 0; j < steps * examples::kHopperVariables; ++j)
-      pieces->add_stages(j / examples::kHopperVariables);
-    pieces->set_pieces(count);
+      segments->add_stages(j / examples::kHopperVariables);
+    segments->set_num_segments(count);
     return request;
   }
   /// Blocks that go on and on: two pull at one row for different totals of it.
@@ -113,9 +113,9 @@ TEST_F(CoupledCalls, MayHaveManyBlocks) {
   EXPECT_EQ(reported.result.solution().z_size(), 50 * 3);
 }
 
-TEST_F(CoupledCalls, SolveALongHorizonInPieces) {
+TEST_F(CoupledCalls, SolveALongHorizonInSegments) {
   start();
-  const Reported reported = solve_coupled(pieces(24, 3));
+  const Reported reported = solve_coupled(segments(24, 3));
   ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
   const v1::Solution& solution = reported.result.solution();
   EXPECT_EQ(solution.status(), v1::STATUS_SOLVED) << solution.detail();
@@ -225,8 +225,8 @@ TEST_F(CoupledCalls, AreRefusedWithThePlaceOfTheFault) {
   const auto of_blocks = [&](const std::function<void(v1::Coupled&)>& spoil) {
     return field(blocks(), [&](Request& bad) { spoil(*bad.mutable_coupled()); });
   };
-  const auto of_pieces = [&](const std::function<void(v1::Coupled&)>& spoil) {
-    return field(pieces(6, 2), [&](Request& bad) { spoil(*bad.mutable_coupled()); });
+  const auto of_segments = [&](const std::function<void(v1::Coupled&)>& spoil) {
+    return field(segments(6, 2), [&](Request& bad) { spoil(*bad.mutable_coupled()); });
   };
   using C = v1::Coupled;
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
@@ -237,7 +237,7 @@ TEST_F(CoupledCalls, AreRefusedWithThePlaceOfTheFault) {
   EXPECT_EQ(field(blocks(), [](Request& bad) { bad.mutable_warm_start(); }), "solve.warm_start");
   EXPECT_EQ(field(blocks(), [](Request& bad) { bad.mutable_scenarios(); }), "solve.scenarios");
   EXPECT_EQ(field(blocks(), [](Request& bad) { bad.mutable_sensitivity(); }), "solve.sensitivity");
-  EXPECT_EQ(of_blocks([](C& bad) { bad.mutable_pieces(); }), "solve.coupled.pieces");
+  EXPECT_EQ(of_blocks([](C& bad) { bad.mutable_segments(); }), "solve.coupled.segments");
   EXPECT_EQ(of_blocks([](C& bad) { bad.set_total(2, kNone); }), "solve.coupled.total[2]");
   EXPECT_EQ(of_blocks([](C& bad) { bad.add_total(0.0); }), "solve.coupled.blocks[0].coupling.rows");
   EXPECT_EQ(of_blocks([](C& bad) { bad.mutable_blocks(1)->mutable_problem()->set_gradient(3, kNone); }),
@@ -253,17 +253,20 @@ TEST_F(CoupledCalls, AreRefusedWithThePlaceOfTheFault) {
   EXPECT_EQ(of_blocks([](C& bad) { bad.set_proximal(-1.0); }), "solve.coupled.proximal");
   EXPECT_EQ(of_blocks([](C& bad) { bad.set_freeze_after(0); }), "solve.coupled.freeze_after");
   EXPECT_EQ(of_blocks([](C& bad) { bad.set_tolerance(1.0); }), "solve.coupled.tolerance");
-  EXPECT_EQ(of_pieces([](C& bad) { bad.clear_pieces(); }), "solve.coupled.blocks");
-  EXPECT_EQ(of_pieces([](C& bad) { bad.mutable_pieces()->add_stages(0); }), "solve.coupled.pieces.stages");
-  EXPECT_EQ(of_pieces([](C& bad) { bad.mutable_pieces()->set_stages(3, -1); }),
-            "solve.coupled.pieces.stages[3]");
-  EXPECT_EQ(of_pieces([](C& bad) { bad.mutable_pieces()->set_pieces(0); }), "solve.coupled.pieces.pieces");
-  EXPECT_EQ(of_pieces([](C& bad) { bad.mutable_pieces()->set_overlap(-2); }), "solve.coupled.pieces.overlap");
-  EXPECT_EQ(of_pieces([](C& bad) { bad.set_monolithic(false); }), "solve.coupled.monolithic");
-  EXPECT_EQ(of_pieces([](C& bad) { bad.add_total(0.0); }), "solve.coupled.pieces");
+  EXPECT_EQ(of_segments([](C& bad) { bad.clear_segments(); }), "solve.coupled.blocks");
+  EXPECT_EQ(of_segments([](C& bad) { bad.mutable_segments()->add_stages(0); }),
+            "solve.coupled.segments.stages");
+  EXPECT_EQ(of_segments([](C& bad) { bad.mutable_segments()->set_stages(3, -1); }),
+            "solve.coupled.segments.stages[3]");
+  EXPECT_EQ(of_segments([](C& bad) { bad.mutable_segments()->set_num_segments(0); }),
+            "solve.coupled.segments.num_segments");
+  EXPECT_EQ(of_segments([](C& bad) { bad.mutable_segments()->set_overlap(-2); }),
+            "solve.coupled.segments.overlap");
+  EXPECT_EQ(of_segments([](C& bad) { bad.set_monolithic(false); }), "solve.coupled.monolithic");
+  EXPECT_EQ(of_segments([](C& bad) { bad.add_total(0.0); }), "solve.coupled.segments");
   const auto many = [](Request& bad) { *bad.mutable_coupled()->add_blocks() = bad.coupled().blocks(0); };
   EXPECT_EQ(status(blocks(), many).error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
-  EXPECT_EQ(status(pieces(7, 7), [](Request&) {}).error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(status(segments(7, 7), [](Request&) {}).error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_TRUE(lives());
 }
 

@@ -145,13 +145,13 @@ class Memory : public HttpServiceTest {
     fill(request.mutable_coupled()->mutable_total(), rows, 1.0);
     return request;
   }
-  static v1::SolveRequest pieces(Random& random) {
+  static v1::SolveRequest segments(Random& random) {
     v1::SolveRequest request = limited();
     const int n = power(random, 8, 17);
     set_problem(request.mutable_problem(), n, false);
-    v1::Pieces* pieces = request.mutable_coupled()->mutable_pieces();
-    for (int i = 0; i < n; ++i) pieces->add_stages(i);
-    pieces->set_pieces(std::min(n, power(random, 0, 9)));
+    v1::Segments* segments = request.mutable_coupled()->mutable_segments();
+    for (int i = 0; i < n; ++i) segments->add_stages(i);
+    segments->set_num_segments(std::min(n, power(random, 0, 9)));
     return request;
   }
   static v1::SolveRequest sensitivity(Random& random) {
@@ -252,7 +252,7 @@ TEST_F(Memory, StaysWithinTheDocumentedSumWhateverRequestsAskFor) {
        {"tree", tree},
        {"scenarios", scenarios},
        {"blocks", blocks},
-       {"pieces", pieces},
+       {"segments", segments},
        {"sensitivity", sensitivity}}};
   std::vector<std::thread> clients;
   unsigned number = 0;

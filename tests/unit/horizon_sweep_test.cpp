@@ -87,7 +87,7 @@ TEST(Sweep, OneThatHasNoAnswerIsNamed) {
   const std::vector<Index> stage = {0, 1}, ends = {1, 2};
   const Solution s = swept(p, {.stage_of_variable = stage, .ends = ends, .overlap = 0});
   EXPECT_EQ(s.status, Status::infeasible);
-  EXPECT_EQ(s.detail.rfind("piece 1", 0), 0U) << s.detail;
+  EXPECT_EQ(s.detail.rfind("segment 1", 0), 0U) << s.detail;
 }
 
 TEST(Sweep, AStopEndsIt) {

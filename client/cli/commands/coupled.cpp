@@ -1,4 +1,4 @@
-// Solves problems coupled by rows, or a long horizon in pieces, and prints each iteration.
+// Solves problems coupled by rows, or a long horizon in segments, and prints each iteration.
 #include "marble/composite/coupled.h"
 
 #include <algorithm>
@@ -121,7 +121,7 @@ struct CoupledArguments {
   ServerArguments server;
   SolverArguments solver;
   Priority priority = Priority::by_method;
-  Index pieces = 0, stage_variables = 0, overlap = -1;
+  Index segments = 0, stage_variables = 0, overlap = -1;
   bool sessions = false;
 };
 
@@ -203,8 +203,8 @@ int run_blocks(const CoupledArguments& arguments, const Options& options, const 
                         {"z", z}});
 }
 
-int run_pieces(const CoupledArguments& arguments, const Options& options, const Client& client,
-               const CoupledControls& controls, CallControls& call) {
+int run_segments(const CoupledArguments& arguments, const Options& options, const Client& client,
+                 const CoupledControls& controls, CallControls& call) {
   const auto file = formats::read_any_problem(arguments.file);
   if (!file) return file_of_blocks_fails(arguments.file, file.error());
   const auto problem = Problem::create(file->problem.view());
@@ -212,12 +212,12 @@ int run_pieces(const CoupledArguments& arguments, const Options& options, const 
   std::vector<Index> stages(static_cast<std::size_t>(problem->variables()));
   for (Index j = 0; j < problem->variables(); ++j)
     stages[static_cast<std::size_t>(j)] = j / arguments.stage_variables;
-  PiecesOptions settings{.pieces = arguments.pieces, .overlap = arguments.overlap};
+  SegmentsOptions settings{.num_segments = arguments.segments, .overlap = arguments.overlap};
   settings.coupled.options = options;
   call.problem_name = file->problem.name;
   const auto answer = arguments.sessions
-                          ? client.solve_in_pieces_by_sessions(*problem, stages, settings, controls)
-                          : client.solve_in_pieces(*problem, stages, settings, controls, call);
+                          ? client.solve_in_segments_by_sessions(*problem, stages, settings, controls)
+                          : client.solve_in_segments(*problem, stages, settings, controls, call);
   if (!answer) return server_fails(arguments.server, answer.error());
   return report_answer(arguments, answer->whole, answer->coordination, answer->job_id, answer->repeated,
                        {{"sweep_objective", answer->sweep_objective}, {"z", answer->whole.z}});
@@ -234,8 +234,8 @@ int run(const CoupledArguments& arguments) {
       .stop = interrupt.token()};
   CallControls call;
   call.priority = arguments.priority;
-  return arguments.pieces > 0 ? run_pieces(arguments, *options, *client, controls, call)
-                              : run_blocks(arguments, *options, *client, controls, call);
+  return arguments.segments > 0 ? run_segments(arguments, *options, *client, controls, call)
+                                : run_blocks(arguments, *options, *client, controls, call);
 }
 
 }  // namespace
@@ -248,18 +248,18 @@ void add_coupled(CLI::App& program, int& exit_code) {
       ->add_option(
           "FILE", arguments->file,
           "JSON: \"total\", and \"blocks\" of \"problem\" (a file) and \"coupling\" (rows, cols, i, j, "
-          "v); with --pieces, a problem file")
+          "v); with --segments, a problem file")
       ->required();
-  auto* pieces =
-      command->add_option("--pieces", arguments->pieces, "cut the horizon into this many segments");
+  auto* segments =
+      command->add_option("--segments", arguments->segments, "cut the horizon into this many segments");
   auto* width = command->add_option("--stage-variables", arguments->stage_variables,
                                     "number of variables per stage; stages are stored one after the other");
-  pieces->needs(width)->check(CLI::Range(Index{1}, static_cast<Index>(kMostBlocks)));
-  width->needs(pieces)->check(CLI::Range(Index{1}, std::numeric_limits<Index>::max()));
+  segments->needs(width)->check(CLI::Range(Index{1}, static_cast<Index>(kMostBlocks)));
+  width->needs(segments)->check(CLI::Range(Index{1}, std::numeric_limits<Index>::max()));
   command
       ->add_option("--overlap", arguments->overlap,
                    "stages by which the segments of the forward pass overlap; -1: a third of a segment")
-      ->needs(pieces)
+      ->needs(segments)
       ->capture_default_str();
   command->add_flag("--sessions", arguments->sessions,
                     "solve each block in a session; the blocks are distributed over the servers of --server");

@@ -67,7 +67,7 @@ Expected<Solved> solve_coupled(const Client& client, const v1::SolveRequest& req
     solved.rows.push_back(row_of(iteration, 0.0));
   };
   v1::CoupledOutcome* outcome = solved.solution.mutable_coupled();
-  if (!coupled.has_pieces()) {
+  if (!coupled.has_segments()) {
     CoupledOptions settings;
     settings.options = options;
     take_settings(coupled, settings);
@@ -81,15 +81,15 @@ Expected<Solved> solve_coupled(const Client& client, const v1::SolveRequest& req
     solved.all_rows = answer->progress_skipped == 0;
     return solved;
   }
-  const v1::Pieces& pieces = coupled.pieces();
-  PiecesOptions settings{.pieces = pieces.pieces()};
+  const v1::Segments& segments = coupled.segments();
+  SegmentsOptions settings{.num_segments = segments.num_segments()};
   settings.coupled.options = options;
   take_settings(coupled, settings.coupled);
-  if (pieces.has_overlap()) settings.overlap = pieces.overlap();
+  if (segments.has_overlap()) settings.overlap = segments.overlap();
   const auto problem = Problem::create(view_of(request.problem()));
   if (!problem) return unexpected(problem.error());
-  const std::span stages(pieces.stages().data(), static_cast<std::size_t>(pieces.stages_size()));
-  const auto answer = client.solve_in_pieces(*problem, stages, settings, controls, call);
+  const std::span stages(segments.stages().data(), static_cast<std::size_t>(segments.stages_size()));
+  const auto answer = client.solve_in_segments(*problem, stages, settings, controls, call);
   if (!answer) return unexpected(answer.error());
   to_message(answer->whole, &solved.solution);
   to_message(answer->coordination, answer->blocks_objective, outcome);

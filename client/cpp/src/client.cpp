@@ -80,13 +80,13 @@ Expected<RemoteCoupledSolution> Client::solve_coupled(const CoupledView& view, c
   return or_out_of_memory([&] { return transport_->solve_coupled(view, options, controls, call); });
 }
 
-Expected<RemotePiecesSolution> Client::solve_in_pieces(const Problem& problem,
-                                                       std::span<const Index> stage_of_variable,
-                                                       const PiecesOptions& options,
-                                                       const CoupledControls& controls,
-                                                       const CallControls& call) const {
+Expected<RemoteSegmentsSolution> Client::solve_in_segments(const Problem& problem,
+                                                           std::span<const Index> stage_of_variable,
+                                                           const SegmentsOptions& options,
+                                                           const CoupledControls& controls,
+                                                           const CallControls& call) const {
   return or_out_of_memory(
-      [&] { return transport_->solve_in_pieces(problem, stage_of_variable, options, controls, call); });
+      [&] { return transport_->solve_in_segments(problem, stage_of_variable, options, controls, call); });
 }
 
 Jobs Client::jobs() const { return Jobs(transport_->connection()); }

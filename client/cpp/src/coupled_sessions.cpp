@@ -185,18 +185,16 @@ Expected<RemoteCoupledSolution> Client::solve_coupled_by_sessions(const CoupledV
   });
 }
 
-Expected<RemotePiecesSolution> Client::solve_in_pieces_by_sessions(const Problem& problem,
-                                                                   std::span<const Index> stage_of_variable,
-                                                                   const PiecesOptions& options,
-                                                                   const CoupledControls& controls,
-                                                                   const BlockSessions& sessions) const {
-  return or_out_of_memory([&]() -> Expected<RemotePiecesSolution> {
+Expected<RemoteSegmentsSolution> Client::solve_in_segments_by_sessions(
+    const Problem& problem, std::span<const Index> stage_of_variable, const SegmentsOptions& options,
+    const CoupledControls& controls, const BlockSessions& sessions) const {
+  return or_out_of_memory([&]() -> Expected<RemoteSegmentsSolution> {
     auto servers = each();
     if (!servers) return unexpected(servers.error());
-    return client::by_sessions<RemotePiecesSolution, &RemotePiecesSolution::whole>(
+    return client::by_sessions<RemoteSegmentsSolution, &RemoteSegmentsSolution::whole>(
         *this, *std::move(servers), options.coupled.options, controls, sessions,
         [&](const CoupledControls& own) {
-          return marble::solve_in_pieces(problem, stage_of_variable, options, own);
+          return marble::solve_in_segments(problem, stage_of_variable, options, own);
         });
   });
 }

@@ -99,10 +99,11 @@ Expected<SubmittedJob> Jobs::submit(const CoupledView& view, const CoupledOption
   return unexpected(out_of_memory());
 }
 
-Expected<SubmittedJob> Jobs::submit_in_pieces(const Problem& problem,
-                                              std::span<const Index> stage_of_variable,
-                                              const PiecesOptions& options, const CoupledControls& controls,
-                                              const CallControls& call) const try {
+Expected<SubmittedJob> Jobs::submit_in_segments(const Problem& problem,
+                                                std::span<const Index> stage_of_variable,
+                                                const SegmentsOptions& options,
+                                                const CoupledControls& controls,
+                                                const CallControls& call) const try {
   if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
   return send_coupled(*connection_, client::make_request(problem, stage_of_variable, options, call),
                       controls.stop, call);
@@ -136,11 +137,11 @@ Expected<RemoteCoupledSolution> Jobs::coupled(const std::string& job_id, const C
   return unexpected(out_of_memory());
 }
 
-Expected<RemotePiecesSolution> Jobs::pieces(const std::string& job_id, const ResultControls& controls) const
-    try {
+Expected<RemoteSegmentsSolution> Jobs::segments(const std::string& job_id,
+                                                const ResultControls& controls) const try {
   const auto response = response_of(connection_.get(), job_id, controls);
   if (!response) return unexpected(response.error());
-  return client::remote_pieces(*response);
+  return client::remote_segments(*response);
 } catch (const std::bad_alloc&) {
   return unexpected(out_of_memory());
 }

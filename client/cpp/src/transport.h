@@ -39,8 +39,8 @@ class Transport {
                                                                       const CoupledOptions& options,
                                                                       const CoupledControls& controls,
                                                                       const CallControls& call) const = 0;
-  [[nodiscard]] virtual Expected<RemotePiecesSolution> solve_in_pieces(
-      const Problem& problem, std::span<const Index> stage_of_variable, const PiecesOptions& options,
+  [[nodiscard]] virtual Expected<RemoteSegmentsSolution> solve_in_segments(
+      const Problem& problem, std::span<const Index> stage_of_variable, const SegmentsOptions& options,
       const CoupledControls& controls, const CallControls& call) const = 0;
   [[nodiscard]] virtual Expected<std::unique_ptr<Session::State>> open_session(
       const ProblemView& problem, const Options& options, const SessionOptions& session) const = 0;

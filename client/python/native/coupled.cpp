@@ -12,7 +12,7 @@
 #include "composite.h"
 #include "marble/composite/coupled_progress.h"
 #include "marble/composite/lifted_block.h"
-#include "marble/composite/pieces.h"
+#include "marble/composite/segments.h"
 #include "marble/composite/waiting_threads.h"
 
 namespace marble::python {
@@ -20,8 +20,9 @@ namespace {
 
 // Uses the field names of a request's message.
 Error named(Error error) {
-  const bool of_pieces = error.field == "stages" || error.field == "pieces" || error.field == "overlap";
-  return inside(of_pieces ? "coupled.pieces" : "coupled", std::move(error));
+  const bool of_segments =
+      error.field == "stages" || error.field == "num_segments" || error.field == "overlap";
+  return inside(of_segments ? "coupled.segments" : "coupled", std::move(error));
 }
 
 void take(const py::dict& given, CoupledOptions& settings) {
@@ -153,16 +154,16 @@ py::dict solve(const py::list& blocks, const py::object& total, const py::object
   return reported;
 }
 
-py::dict solve_pieces(const py::object& lcqp, const py::object& stages, Index pieces, Index overlap,
-                      const py::dict& given, const py::dict& request, const py::object& open,
-                      const Call& call) {
-  PiecesOptions settings{.pieces = pieces, .overlap = overlap};
+py::dict solve_segments(const py::object& lcqp, const py::object& stages, Index segments, Index overlap,
+                        const py::dict& given, const py::dict& request, const py::object& open,
+                        const Call& call) {
+  SegmentsOptions settings{.num_segments = segments, .overlap = overlap};
   settings.coupled.options = options_of(given);
   take(request, settings.coupled);
   Borrowed arrays;
   const Problem problem = value_or_raise(Problem::create(arrays.problem(lcqp)));
   const std::span<const Index> stage_of_variable = arrays.indices(stages);
-  PiecesSolution answer;
+  SegmentsSolution answer;
   const Options options = settings.coupled.options;
   py::dict reported =
       run(options, call,
@@ -171,7 +172,7 @@ py::dict solve_pieces(const py::object& lcqp, const py::object& stages, Index pi
             CoupledControls controls = controls_of(sent);
             WaitingThreads threads;
             solve_by(open, settings.coupled.options, reporter, threads, controls);
-            auto solved = solve_in_pieces(problem, stage_of_variable, settings, controls);
+            auto solved = solve_in_segments(problem, stage_of_variable, settings, controls);
             if (!solved) return unexpected(named(solved.error()));
             Solution whole = std::exchange(solved->whole, {});
             answer = *std::move(solved);
@@ -188,7 +189,7 @@ py::dict solve_pieces(const py::object& lcqp, const py::object& stages, Index pi
 
 void bind_coupled(py::module_& m) {
   m.def("solve_coupled", &solve);
-  m.def("solve_in_pieces", &solve_pieces);
+  m.def("solve_in_segments", &solve_segments);
 }
 
 }  // namespace marble::python

@@ -1,4 +1,4 @@
-"""Client.coupled and Client.pieces: problems that rows tie together, and a long one in pieces."""
+"""Client.coupled and Client.segments: problems that rows tie together, and a long one in segments."""
 
 from __future__ import annotations
 
@@ -63,10 +63,10 @@ def test_the_block_that_has_no_answer_is_named(client):
     assert answer.coordination.failed == 1 and "block 1 (elbow)" in answer.detail
 
 
-def test_a_long_problem_in_pieces_is_solved_as_the_whole(client):
+def test_a_long_problem_in_segments_is_solved_as_the_whole(client):
     problem, stages = chain(30)
     whole = client.solve(problem)
-    answer = client.pieces(problem, stages, 3)
+    answer = client.segments(problem, stages, 3)
     assert answer.solution.status is marble.Status.SOLVED and answer.solution.z.shape == whole.z.shape
     assert np.isclose(answer.solution.objective, whole.objective, atol=1e-7)
     assert answer.coordination.sweep_objective is not None
@@ -81,15 +81,15 @@ def test_faults_are_named(client):
         ("coupling_multipliers", lambda: client.coupled([arm(1.0)], [FORCE], [0.0], coupling_multipliers=[1.0, 2.0])),
         ("speed", lambda: client.coupled([arm(1.0)], [FORCE], [0.0], speed=3)),
         ("coupled", lambda: client.coupled([arm(1.0)], [FORCE], [0.0], proximal="much")),
-        ("stages", lambda: client.pieces(arm(1.0), [0], 1)),
+        ("stages", lambda: client.segments(arm(1.0), [0], 1)),
     ):
         with pytest.raises(marble.InvalidArgument) as caught:
             call()
         assert caught.value.field == field
     with pytest.raises(marble.InvalidArgument, match="proximal"):
         client.coupled([arm(1.0)], [FORCE], [0.0], proximal=-1.0)
-    with pytest.raises(marble.InvalidArgument, match="pieces"):
-        client.pieces(arm(1.0), [0, 0], 2)
+    with pytest.raises(marble.InvalidArgument, match="segments"):
+        client.segments(arm(1.0), [0, 0], 2)
 
 
 def test_submitted_they_answer_later_with_the_bits_of_the_call(client):
@@ -105,13 +105,13 @@ def test_submitted_they_answer_later_with_the_bits_of_the_call(client):
         client.jobs.coupled(there.job_id, blocks[1:])
     assert caught.value.field == "blocks"
     problem, stages = chain(9)
-    cut = client.jobs.submit_pieces(problem, stages, 2, overlap=2)
-    whole = client.pieces(problem, stages, 2, overlap=2).solution
-    np.testing.assert_array_equal(client.jobs.pieces(cut.job_id, wait=True).solution.z, whole.z)
-    np.testing.assert_array_equal(client.jobs.pieces(cut.job_id, problem=problem).solution.s, whole.s)
+    cut = client.jobs.submit_segments(problem, stages, 2, overlap=2)
+    whole = client.segments(problem, stages, 2, overlap=2).solution
+    np.testing.assert_array_equal(client.jobs.segments(cut.job_id, wait=True).solution.z, whole.z)
+    np.testing.assert_array_equal(client.jobs.segments(cut.job_id, problem=problem).solution.s, whole.s)
     plain = client.jobs.submit(arm(1.0))
     with pytest.raises(marble.FailedPrecondition, match="solved alone"):
-        client.jobs.pieces(plain.job_id, wait=True)
+        client.jobs.segments(plain.job_id, wait=True)
 
 
 def test_they_are_there_for_asyncio_too(server):
@@ -120,14 +120,14 @@ def test_they_are_there_for_asyncio_too(server):
             answer = await client.coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0])
             np.testing.assert_allclose(answer.coupling_multipliers, [0.5], atol=1e-7)
             problem, stages = chain(9)
-            pieces = await client.pieces(problem, stages, 2)
-            assert pieces.solution.status is marble.Status.SOLVED
+            segments = await client.segments(problem, stages, 2)
+            assert segments.solution.status is marble.Status.SOLVED
             there = await client.jobs.submit_coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0])
             later = await client.jobs.coupled(there.job_id, [arm(3.0), arm(2.0)], wait=True)
             np.testing.assert_array_equal(later.solution.z, answer.solution.z)
-            cut = await client.jobs.submit_pieces(problem, stages, 2)
-            later_pieces = await client.jobs.pieces(cut.job_id, wait=True, problem=problem)
-            np.testing.assert_array_equal(later_pieces.solution.z, pieces.solution.z)
+            cut = await client.jobs.submit_segments(problem, stages, 2)
+            later_segments = await client.jobs.segments(cut.job_id, wait=True, problem=problem)
+            np.testing.assert_array_equal(later_segments.solution.z, segments.solution.z)
 
     asyncio.run(both())
 
@@ -143,10 +143,10 @@ def test_without_a_server_they_have_the_same_bits(client):
     np.testing.assert_array_equal(here.coupling_multipliers, there.coupling_multipliers)
     assert len(rows) == here.coordination.iterations and rows[-1].rho == here.coordination.proximal
     problem, stages = chain(30)
-    cut = local.pieces(problem, stages, 3, overlap=4)
-    assert cut.coordination == client.pieces(problem, stages, 3, overlap=4).coordination
-    np.testing.assert_array_equal(cut.solution.z, client.pieces(problem, stages, 3, overlap=4).solution.z)
-    np.testing.assert_array_equal(cut.solution.s, client.pieces(problem, stages, 3, overlap=4).solution.s)
+    cut = local.segments(problem, stages, 3, overlap=4)
+    assert cut.coordination == client.segments(problem, stages, 3, overlap=4).coordination
+    np.testing.assert_array_equal(cut.solution.z, client.segments(problem, stages, 3, overlap=4).solution.z)
+    np.testing.assert_array_equal(cut.solution.s, client.segments(problem, stages, 3, overlap=4).solution.s)
 
 
 def test_blocks_in_sessions_of_several_servers_agree_as_on_one(start_server):
@@ -167,8 +167,8 @@ def test_blocks_in_sessions_of_several_servers_agree_as_on_one(start_server):
         assert sorted(set().union(*seen)) == [f"cell arm{k}" for k in range(4)]
         assert all(not a & b for k, a in enumerate(seen) for b in seen[:k]), "each block is on one server"
         problem, stages = chain(30)
-        pieces = client.pieces(problem, stages, 3, sessions=True)
-        assert np.isclose(pieces.solution.objective, client.solve(problem).objective, atol=1e-7)
+        segments = client.segments(problem, stages, 3, sessions=True)
+        assert np.isclose(segments.solution.objective, client.solve(problem).objective, atol=1e-7)
 
 
 def test_a_server_that_is_killed_meanwhile_costs_repeated_blocks_and_no_error(start_server):
@@ -204,10 +204,10 @@ def test_faults_are_named_without_a_server_as_with_one(client):
     for call in (
         lambda client: client.coupled([arm(1.0)], [FORCE], [0.0], proximal=-1.0),
         lambda client: client.coupled([arm(1.0)], [FORCE], [0.0], freeze_after=0),
-        lambda client: client.pieces(arm(1.0), [0, 0], 2),
-        lambda client: client.pieces(arm(1.0), [0, 1], 2, monolithic=False),
-        lambda client: client.pieces(arm(1.0), [0, 1], 2, overlap=-2),
-        lambda client: client.pieces(arm(1.0).replaced(z0=np.zeros(2)), [0, 1], 2),
+        lambda client: client.segments(arm(1.0), [0, 0], 2),
+        lambda client: client.segments(arm(1.0), [0, 1], 2, monolithic=False),
+        lambda client: client.segments(arm(1.0), [0, 1], 2, overlap=-2),
+        lambda client: client.segments(arm(1.0).replaced(z0=np.zeros(2)), [0, 1], 2),
         lambda client: client.coupled([arm(1.0)], [FORCE], [0.0], options={"max_iterations": -1}),
     ):
         faults = []
@@ -230,7 +230,7 @@ def test_what_a_callback_raises_ends_them_without_a_server_too():
             answer = await client.coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0])
             np.testing.assert_allclose(answer.coupling_multipliers, [0.5], atol=1e-7)
             problem, stages = chain(9)
-            assert (await client.pieces(problem, stages, 2)).solution.solved
+            assert (await client.segments(problem, stages, 2)).solution.solved
             with pytest.raises(ZeroDivisionError):
                 await client.coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0], progress=stop)
 

@@ -126,8 +126,8 @@ def test_texts_that_are_no_unicode_are_no_crash(client):
 def test_composite_arguments_of_a_wrong_type_are_named(either):
     for call, field in ((lambda: either.scenarios(tiny(), "x"), "scenarios"),
                         (lambda: either.coupled(["x"], [None], [1.0]), "problem"),
-                        (lambda: either.pieces(tiny(), [0, 2**32], 2), "stages"),
-                        (lambda: either.pieces(tiny(), [0.5, 1], 2), "stages")):
+                        (lambda: either.segments(tiny(), [0, 2**32], 2), "stages"),
+                        (lambda: either.segments(tiny(), [0.5, 1], 2), "stages")):
         with pytest.raises(marble.InvalidArgument) as caught:
             call()
         assert caught.value.field == field

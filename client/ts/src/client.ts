@@ -4,11 +4,11 @@ import {
   type CoupledSolution,
   type CoupledControls,
   type CoupledProblem,
-  type Pieces,
-  type PiecesAnswer,
-  type PiecesControls,
+  type Segments,
+  type SegmentsAnswer,
+  type SegmentsControls,
   coupled,
-  pieces,
+  segments,
 } from "./calls/coupled.js";
 import { type ServerInfo, infoOf } from "./calls/info.js";
 import { Jobs } from "./calls/jobs.js";
@@ -63,8 +63,8 @@ export class Client implements Disposable {
   }
 
   /** Solves one long problem, cut into segments, by the method of `coupled`. */
-  async pieces(problem: Problem, cut: Pieces, controls: PiecesControls = {}): Promise<PiecesAnswer> {
-    return pieces(this.connection, problem, cut, controls);
+  async segments(problem: Problem, cut: Segments, controls: SegmentsControls = {}): Promise<SegmentsAnswer> {
+    return segments(this.connection, problem, cut, controls);
   }
 
   /** Opens a session and waits until it is ready. */

@@ -28,9 +28,9 @@ export type {
   CoupledBlock,
   CoupledControls,
   CoupledProblem,
-  Pieces,
-  PiecesAnswer,
-  PiecesControls,
+  Segments,
+  SegmentsAnswer,
+  SegmentsControls,
 } from "./calls/coupled.js";
 export type { Counters, Limits, OptionSchema, Quota, ServerInfo } from "./calls/info.js";
 export { Jobs } from "./calls/jobs.js";

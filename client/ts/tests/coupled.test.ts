@@ -103,9 +103,9 @@ test("the block that failed is named", async () => {
   assert.match(coordination.detail, /block 1 \(elbow\)/);
 });
 
-test("a long problem in pieces has the solution of the whole problem", async () => {
+test("a long problem in segments has the solution of the whole problem", async () => {
   const whole = await client.solve(long);
-  const { solution, coordination } = await client.pieces(long, { stages, pieces: 3, overlap: 2 });
+  const { solution, coordination } = await client.segments(long, { stages, numSegments: 3, overlap: 2 });
   assert.equal(solution.status, "solved");
   assert.equal(solution.z.length, long.g.length);
   near([solution.objective], [whole.objective]);
@@ -118,11 +118,11 @@ test("submitted problems have the same bits later, other jobs have no coordinati
   const now = await client.coupled(cell);
   assert.deepEqual(later.z, now.z);
   assert.deepEqual(later.couplingMultipliers, now.couplingMultipliers);
-  const cut = { stages, pieces: 3 };
-  const pieces = await client.jobs.submitPieces(long, cut);
+  const cut = { stages, numSegments: 3 };
+  const segments = await client.jobs.submitSegments(long, cut);
   const [one, other] = await Promise.all([
-    client.jobs.pieces(pieces.jobId, { wait: true }),
-    client.pieces(long, cut),
+    client.jobs.segments(segments.jobId, { wait: true }),
+    client.segments(long, cut),
   ]);
   assert.deepEqual(one.solution.z, other.solution.z);
   await assert.rejects(
@@ -130,7 +130,7 @@ test("submitted problems have the same bits later, other jobs have no coordinati
     (error) => error instanceof InvalidProblemError && error.field === "blocks",
   );
   const plain = await client.jobs.submit(corner);
-  await assert.rejects(client.jobs.pieces(plain.jobId, { wait: true }), PreconditionError);
+  await assert.rejects(client.jobs.segments(plain.jobId, { wait: true }), PreconditionError);
 });
 
 test("invalid parts are named by the client and by the server", async () => {
@@ -156,8 +156,8 @@ test("invalid parts are named by the client and by the server", async () => {
   await rejects(client.coupled(cell, { proximal: "much" as never }), "coupled.proximal");
   await rejects(client.coupled(cell, { proximal: -1 }), "coupled.proximal");
   await rejects(client.coupled(cell, { maxPairSwitches: 0.5 }), "coupled.maxPairSwitches");
-  await rejects(client.pieces(long, { stages: [0], pieces: 2 }), "coupled.pieces.stages");
-  await rejects(client.pieces(long, { stages: stages.map((s) => s - 1), pieces: 2 }), "coupled.pieces.stages", 0);
-  await rejects(client.pieces(long, { stages, pieces: 0 }), "coupled.pieces.pieces");
-  await rejects(client.pieces(long, { stages, pieces: 2, overlap: -2 }), "coupled.pieces.overlap");
+  await rejects(client.segments(long, { stages: [0], numSegments: 2 }), "coupled.segments.stages");
+  await rejects(client.segments(long, { stages: stages.map((s) => s - 1), numSegments: 2 }), "coupled.segments.stages", 0);
+  await rejects(client.segments(long, { stages, numSegments: 0 }), "coupled.segments.numSegments");
+  await rejects(client.segments(long, { stages, numSegments: 2, overlap: -2 }), "coupled.segments.overlap");
 });

@@ -72,7 +72,7 @@ class Sweep {
 bool Sweep::ended(std::size_t k) {
   if (!interrupt_.requested()) return false;
   whole_.status = interrupt_.stop_requested() ? Status::cancelled : Status::time_limit;
-  whole_.detail = "ended at piece " + std::to_string(k);
+  whole_.detail = "ended at segment " + std::to_string(k);
   return true;
 }
 
@@ -116,7 +116,7 @@ Expected<void> Sweep::go_forward() {
         continue;
       }
       whole_.status = answer->status;
-      whole_.detail = "piece " + std::to_string(k) + ", from where the last one ended: " + answer->detail;
+      whole_.detail = "segment " + std::to_string(k) + ", from where the last one ended: " + answer->detail;
       return {};
     }
     window_.take(*answer, plan_.ends[k], whole_);

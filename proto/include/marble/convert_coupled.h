@@ -2,7 +2,7 @@
 #pragma once
 
 #include "marble/composite/coupled.h"
-#include "marble/composite/pieces.h"
+#include "marble/composite/segments.h"
 #include "marble/v1/coupled.pb.h"
 #include "marble/v1/solution.pb.h"
 

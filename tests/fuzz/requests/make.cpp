@@ -374,11 +374,11 @@ v1::SolveRequest make_coupled(Draw& draw) {
   if (draw.chance(30)) {
     const int n = draw.between(2, 10), stages = draw.between(1, n);
     *request.mutable_problem() = make_problem_of(n, some_pairs(n, draw), draw);
-    for (int j = 0; j < n; ++j) c.mutable_pieces()->add_stages(j * stages / n);
-    c.mutable_pieces()->set_pieces(draw.between(1, std::min(stages, 4)));
+    for (int j = 0; j < n; ++j) c.mutable_segments()->add_stages(j * stages / n);
+    c.mutable_segments()->set_num_segments(draw.between(1, std::min(stages, 4)));
     if (draw.chance(30))
-      c.mutable_pieces()->set_overlap(draw.chance(70) ? draw.between(-1, 3)
-                                                      : static_cast<std::int32_t>(draw.hostile_integer()));
+      c.mutable_segments()->set_overlap(draw.chance(70) ? draw.between(-1, 3)
+                                                        : static_cast<std::int32_t>(draw.hostile_integer()));
   } else {
     const int rows = draw.between(0, 3);
     Values total(static_cast<std::size_t>(rows));

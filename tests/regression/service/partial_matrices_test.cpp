@@ -26,14 +26,14 @@ std::vector<Found> found() {
   block->mutable_problem()->add_gradient(1.0);
   block->mutable_coupling()->set_columns(9);
   all[0].field = "coupled.blocks[0].coupling.columns";
-  // That read out of bounds where pieces were cut.
+  // That read out of bounds where segments were cut.
   v1::Problem* problem = all[1].request.mutable_problem();
   for (int j = 0; j < 4; ++j) {
     problem->add_gradient(1.0);
-    all[1].request.mutable_coupled()->mutable_pieces()->add_stages(j);
+    all[1].request.mutable_coupled()->mutable_segments()->add_stages(j);
   }
   problem->mutable_left_matrix()->set_columns(65536);
-  all[1].request.mutable_coupled()->mutable_pieces()->set_pieces(2);
+  all[1].request.mutable_coupled()->mutable_segments()->set_num_segments(2);
   all[1].field = "problem.left_matrix.columns";
   // That wrote out of bounds, before any queue.
   block = all[2].request.mutable_coupled()->add_blocks();
@@ -127,10 +127,10 @@ TEST_F(PartialMatrixRequests, OfEveryFormAndPlaceNameTheirMatrix) {
       spoil(form, (plain.mutable_problem()->*part)());
       const std::string field = std::string("problem.") + name, what = std::string(form.name) + " in " + name;
       expect_refused(plain, field, what);
-      v1::SolveRequest pieces = plain, scenarios = plain, derivatives = plain, coupled;
-      for (int j = 0; j < 4; ++j) pieces.mutable_coupled()->mutable_pieces()->add_stages(j);
-      pieces.mutable_coupled()->mutable_pieces()->set_pieces(2);
-      expect_refused(pieces, field, what + ", pieces");
+      v1::SolveRequest segments = plain, scenarios = plain, derivatives = plain, coupled;
+      for (int j = 0; j < 4; ++j) segments.mutable_coupled()->mutable_segments()->add_stages(j);
+      segments.mutable_coupled()->mutable_segments()->set_num_segments(2);
+      expect_refused(segments, field, what + ", segments");
       scenarios.mutable_scenarios()->add_first_stage(0);
       expect_refused(scenarios, field, what + ", scenarios");
       derivatives.mutable_sensitivity();

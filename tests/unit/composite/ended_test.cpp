@@ -11,7 +11,7 @@
 #include "composite/dense.h"
 #include "marble/composite/coupled.h"
 #include "marble/composite/lifted_block.h"
-#include "marble/composite/pieces.h"
+#include "marble/composite/segments.h"
 #include "path/memory_budget.h"
 #include "support/coupled_problems.h"
 #include "support/dense_matrix.h"
@@ -119,7 +119,7 @@ TEST(CoupledStops, EndTheRemainingBlocksWithoutTheirWork) {
   }
 }
 
-TEST(CoupledStops, EndTheAssemblyOfPieces) {
+TEST(CoupledStops, EndTheAssemblyOfSegments) {
   OwnedProblem p;
   p.Q = testing::sparse(Eigen::MatrixXd::Identity(6, 6));
   p.g.assign(6, 1.0);
@@ -127,12 +127,12 @@ TEST(CoupledStops, EndTheAssemblyOfPieces) {
   std::stop_source source;
   source.request_stop();
   const std::vector<Index> stages = {0, 1, 2, 3, 4, 5};
-  const auto pieces = cut(problem, std::vector<Index>{0, 0, 0, 1, 1, 1}, {.stop = source.get_token()});
-  ASSERT_FALSE(pieces);
-  EXPECT_EQ(pieces.error().code, ErrorCode::cancelled);
+  const auto segments = cut(problem, std::vector<Index>{0, 0, 0, 1, 1, 1}, {.stop = source.get_token()});
+  ASSERT_FALSE(segments);
+  EXPECT_EQ(segments.error().code, ErrorCode::cancelled);
   CoupledControls controls;
   controls.stop = source.get_token();
-  const auto answer = solve_in_pieces(problem, stages, {.pieces = 2}, controls);
+  const auto answer = solve_in_segments(problem, stages, {.num_segments = 2}, controls);
   ASSERT_TRUE(answer) << answer.error().message();
   EXPECT_EQ(answer->whole.status, Status::cancelled);
 }

@@ -6,8 +6,8 @@
 #include <random>
 
 #include "marble/composite/coupled.h"
-#include "marble/composite/pieces.h"
 #include "marble/composite/scenarios.h"
+#include "marble/composite/segments.h"
 #include "support/coupled_problems.h"
 #include "support/dense_matrix.h"
 #include "support/independent_check.h"
@@ -49,12 +49,12 @@ std::string coupled(const testing::OwnedCoupled& c) {
   return reported(monolithic_problem(c.view()).view(), answer->monolithic);
 }
 
-std::string in_pieces(const OwnedProblem& p) {
+std::string in_segments(const OwnedProblem& p) {
   const auto problem = Problem::create(p.view());
   if (!problem) return problem.error().field;
   std::vector<Index> stages;
   for (Index j = 0; j < problem->variables(); ++j) stages.push_back(j);
-  const auto answer = solve_in_pieces(*problem, stages, {.pieces = 2});
+  const auto answer = solve_in_segments(*problem, stages, {.num_segments = 2});
   return answer ? reported(p.view(), answer->whole) : answer.error().field;
 }
 
@@ -80,7 +80,7 @@ TEST_P(PartialMatrices, AreRefusedInEveryPlaceOfEveryProblem) {
       OwnedProblem bad = good;
       GetParam().make(bad.*matrix, 4);
       EXPECT_TRUE(names(plain(bad), letter)) << letter << ": " << plain(bad);
-      EXPECT_TRUE(names(in_pieces(bad), letter)) << letter << ": " << in_pieces(bad);
+      EXPECT_TRUE(names(in_segments(bad), letter)) << letter << ": " << in_segments(bad);
       EXPECT_TRUE(names(scenarios(bad), letter)) << letter << ": " << scenarios(bad);
       testing::OwnedCoupled c = testing::random_coupled({.blocks = 2, .variables = 4}, 3);
       c.blocks[1] = bad;
@@ -115,7 +115,7 @@ TEST(CompleteMatricesWithoutRows, AreAsGoodAsEmptyOnes) {
     OwnedProblem good = without_any_rows(4);
     good.*matrix = without_rows(4);
     EXPECT_EQ(plain(good), "") << letter;
-    EXPECT_EQ(in_pieces(good), "") << letter;
+    EXPECT_EQ(in_segments(good), "") << letter;
     EXPECT_EQ(scenarios(good), "") << letter;
     testing::OwnedCoupled c = testing::random_coupled({.blocks = 2, .variables = 4}, 3);
     c.blocks[1] = good;
@@ -151,7 +151,8 @@ TEST(PartialMatrices, AtRandomAreNeverMistakenForAnythingElse) {
     change(c.coupling[block]);
     const std::string of_problem = plain(p), of_coupled = coupled(c);
     EXPECT_EQ(of_problem.find('.') != std::string::npos, problem_spoilt) << round << ": " << of_problem;
-    EXPECT_EQ(in_pieces(p).find('.') != std::string::npos, problem_spoilt) << round << ": " << in_pieces(p);
+    EXPECT_EQ(in_segments(p).find('.') != std::string::npos, problem_spoilt)
+        << round << ": " << in_segments(p);
     EXPECT_EQ(scenarios(p).find('.') != std::string::npos, problem_spoilt) << round << ": " << scenarios(p);
     EXPECT_EQ(of_coupled.find("blocks[" + std::to_string(block) + "].") == 0, spoilt)
         << round << ": " << of_coupled;

@@ -115,12 +115,12 @@ class Client {
                                                               const CoupledOptions& options = {},
                                                               const CoupledControls& controls = {},
                                                               const CallControls& call = {}) const;
-  /// The same for a long horizon: marble::solve_in_pieces.
-  [[nodiscard]] Expected<RemotePiecesSolution> solve_in_pieces(const Problem& problem,
-                                                               std::span<const Index> stage_of_variable,
-                                                               const PiecesOptions& options = {},
-                                                               const CoupledControls& controls = {},
-                                                               const CallControls& call = {}) const;
+  /// The same for a long horizon: marble::solve_in_segments.
+  [[nodiscard]] Expected<RemoteSegmentsSolution> solve_in_segments(const Problem& problem,
+                                                                   std::span<const Index> stage_of_variable,
+                                                                   const SegmentsOptions& options = {},
+                                                                   const CoupledControls& controls = {},
+                                                                   const CallControls& call = {}) const;
 
   /// Solves a coupled problem with a session for each block, distributed over the servers of the address.
   /// This process coordinates, and solves the monolithic problem at the end. A server sees only its own
@@ -132,10 +132,10 @@ class Client {
   [[nodiscard]] Expected<RemoteCoupledSolution> solve_coupled_by_sessions(
       const CoupledView& view, const CoupledOptions& options = {}, const CoupledControls& controls = {},
       const BlockSessions& sessions = {}) const;
-  /// The same for a long horizon: marble::solve_in_pieces, whose pieces are coordinated in sessions. Their
-  /// forward pass, one piece after the other, runs in this process.
-  [[nodiscard]] Expected<RemotePiecesSolution> solve_in_pieces_by_sessions(
-      const Problem& problem, std::span<const Index> stage_of_variable, const PiecesOptions& options = {},
+  /// The same for a long horizon: marble::solve_in_segments, whose segments are coordinated in sessions.
+  /// Their forward pass, one segment after the other, runs in this process.
+  [[nodiscard]] Expected<RemoteSegmentsSolution> solve_in_segments_by_sessions(
+      const Problem& problem, std::span<const Index> stage_of_variable, const SegmentsOptions& options = {},
       const CoupledControls& controls = {}, const BlockSessions& sessions = {}) const;
 
   /// Returns access to jobs by their ids.

@@ -6,7 +6,7 @@
 
 #include "marble/call_controls.h"
 #include "marble/composite/coupled.h"
-#include "marble/composite/pieces.h"
+#include "marble/composite/segments.h"
 
 namespace marble {
 
@@ -33,9 +33,9 @@ struct RemoteCoupledSolution : CoupledSolution, CoupledCall {
   std::int32_t repeated = 0;
 };
 
-/// The solution of a problem whose pieces were solved on servers.
-struct RemotePiecesSolution : PiecesSolution, CoupledCall {
-  std::int32_t repeated = 0;  ///< as RemoteCoupledSolution::repeated, for pieces
+/// The solution of a problem whose segments were solved on servers.
+struct RemoteSegmentsSolution : SegmentsSolution, CoupledCall {
+  std::int32_t repeated = 0;  ///< as RemoteCoupledSolution::repeated, for segments
 };
 
 }  // namespace marble

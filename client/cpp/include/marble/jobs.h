@@ -212,12 +212,13 @@ class Jobs {
                                               const CoupledControls& controls = {},
                                               const CallControls& call = {}) const;
 
-  /// The same for a long horizon in pieces, as in marble::solve_in_pieces; of the controls only stop is used.
-  [[nodiscard]] Expected<SubmittedJob> submit_in_pieces(const Problem& problem,
-                                                        std::span<const Index> stage_of_variable,
-                                                        const PiecesOptions& options = {},
-                                                        const CoupledControls& controls = {},
-                                                        const CallControls& call = {}) const;
+  /// The same for a long horizon in segments, as in marble::solve_in_segments; of the controls only stop is
+  /// used.
+  [[nodiscard]] Expected<SubmittedJob> submit_in_segments(const Problem& problem,
+                                                          std::span<const Index> stage_of_variable,
+                                                          const SegmentsOptions& options = {},
+                                                          const CoupledControls& controls = {},
+                                                          const CallControls& call = {}) const;
 
   /// Queues many problems as one job that outlives this process. The server keeps all of it or nothing. A
   /// refused or lost submission may be repeated with its request_id.
@@ -244,9 +245,9 @@ class Jobs {
   [[nodiscard]] Expected<RemoteCoupledSolution> coupled(const std::string& job_id, const CoupledView& view,
                                                         const ResultControls& controls = {}) const;
 
-  /// The same for pieces.
-  [[nodiscard]] Expected<RemotePiecesSolution> pieces(const std::string& job_id,
-                                                      const ResultControls& controls = {}) const;
+  /// The same for segments.
+  [[nodiscard]] Expected<RemoteSegmentsSolution> segments(const std::string& job_id,
+                                                          const ResultControls& controls = {}) const;
 
   /// Returns a submitted job in a form that can be solved again elsewhere, finished or not; only for its own
   /// client and the role admin. Errors: failed_precondition (it was not submitted, or its request is no

@@ -52,14 +52,12 @@ class LocalTransport final : public Transport {
         [](const CoupledSolution& solved) { return solved.monolithic.status == Status::cancelled; });
   }
 
-  [[nodiscard]] Expected<RemotePiecesSolution> solve_in_pieces(const Problem& problem,
-                                                               std::span<const Index> stage_of_variable,
-                                                               const PiecesOptions& options,
-                                                               const CoupledControls& controls,
-                                                               const CallControls& /*call*/) const override {
-    return unless_given_up<RemotePiecesSolution, PiecesSolution>(
-        marble::solve_in_pieces(problem, stage_of_variable, options, controls),
-        [](const PiecesSolution& solved) { return solved.whole.status == Status::cancelled; });
+  [[nodiscard]] Expected<RemoteSegmentsSolution> solve_in_segments(
+      const Problem& problem, std::span<const Index> stage_of_variable, const SegmentsOptions& options,
+      const CoupledControls& controls, const CallControls& /*call*/) const override {
+    return unless_given_up<RemoteSegmentsSolution, SegmentsSolution>(
+        marble::solve_in_segments(problem, stage_of_variable, options, controls),
+        [](const SegmentsSolution& solved) { return solved.whole.status == Status::cancelled; });
   }
 
   [[nodiscard]] Expected<std::unique_ptr<Session::State>> open_session(

@@ -34,9 +34,9 @@ namespace marble::client {
                                                                      const CoupledControls& controls,
                                                                      const CallControls& call);
 
-[[nodiscard]] Expected<RemotePiecesSolution> solve_in_pieces_remotely(
+[[nodiscard]] Expected<RemoteSegmentsSolution> solve_in_segments_remotely(
     const Connection& connection, const Problem& problem, std::span<const Index> stage_of_variable,
-    const PiecesOptions& options, const CoupledControls& controls, const CallControls& call);
+    const SegmentsOptions& options, const CoupledControls& controls, const CallControls& call);
 
 [[nodiscard]] Expected<ServerInfo> server_info(const Connection& connection, const std::stop_token& stop);
 

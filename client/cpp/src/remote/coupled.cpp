@@ -56,14 +56,12 @@ Expected<RemoteCoupledSolution> solve_coupled_remotely(const Connection& connect
                         [&](const v1::SolveResponse& response) { return remote_coupled(response, view); });
 }
 
-Expected<RemotePiecesSolution> solve_in_pieces_remotely(const Connection& connection, const Problem& problem,
-                                                        std::span<const Index> stage_of_variable,
-                                                        const PiecesOptions& options,
-                                                        const CoupledControls& controls,
-                                                        const CallControls& call) {
+Expected<RemoteSegmentsSolution> solve_in_segments_remotely(
+    const Connection& connection, const Problem& problem, std::span<const Index> stage_of_variable,
+    const SegmentsOptions& options, const CoupledControls& controls, const CallControls& call) {
   const auto request = make_request(problem, stage_of_variable, options, call);
   if (!request) return unexpected(request.error());
-  return solve_remotely(connection, *request, controls, call, remote_pieces);
+  return solve_remotely(connection, *request, controls, call, remote_segments);
 }
 
 }  // namespace marble::client

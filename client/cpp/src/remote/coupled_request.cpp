@@ -59,13 +59,13 @@ Expected<v1::SolveStreamRequest> make_request(const CoupledView& view, const Cou
 
 Expected<v1::SolveStreamRequest> make_request(const Problem& problem,
                                               std::span<const Index> stage_of_variable,
-                                              const PiecesOptions& options, const CallControls& call) {
+                                              const SegmentsOptions& options, const CallControls& call) {
   auto request = request_of(problem.view(), options.coupled, call);
   if (!request) return request;
-  v1::Pieces* pieces = request->mutable_solve()->mutable_coupled()->mutable_pieces();
-  pieces->mutable_stages()->Assign(stage_of_variable.begin(), stage_of_variable.end());
-  pieces->set_pieces(options.pieces);
-  pieces->set_overlap(options.overlap);
+  v1::Segments* segments = request->mutable_solve()->mutable_coupled()->mutable_segments();
+  segments->mutable_stages()->Assign(stage_of_variable.begin(), stage_of_variable.end());
+  segments->set_num_segments(options.num_segments);
+  segments->set_overlap(options.overlap);
   if (auto fits = check_size(*request); !fits) return unexpected(fits.error());
   return request;
 }
@@ -86,8 +86,8 @@ Expected<RemoteCoupledSolution> remote_coupled(const v1::SolveResponse& response
   return answer;
 }
 
-Expected<RemotePiecesSolution> remote_pieces(const v1::SolveResponse& response) {
-  auto answer = answer_of<RemotePiecesSolution>(response);
+Expected<RemoteSegmentsSolution> remote_segments(const v1::SolveResponse& response) {
+  auto answer = answer_of<RemoteSegmentsSolution>(response);
   if (!answer) return answer;
   answer->whole = solution_of(response.solution());
   answer->sweep_objective = response.solution().coupled().sweep_objective();

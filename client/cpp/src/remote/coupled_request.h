@@ -17,7 +17,7 @@ namespace marble::client {
 
 [[nodiscard]] Expected<v1::SolveStreamRequest> make_request(const Problem& problem,
                                                             std::span<const Index> stage_of_variable,
-                                                            const PiecesOptions& options,
+                                                            const SegmentsOptions& options,
                                                             const CallControls& call);
 
 /// Errors: failed_precondition if the problem was solved alone; "blocks" if its sizes do not match the
@@ -26,6 +26,6 @@ namespace marble::client {
                                                              const CoupledView& view);
 
 /// Errors: failed_precondition if the problem was solved alone.
-[[nodiscard]] Expected<RemotePiecesSolution> remote_pieces(const v1::SolveResponse& response);
+[[nodiscard]] Expected<RemoteSegmentsSolution> remote_segments(const v1::SolveResponse& response);
 
 }  // namespace marble::client

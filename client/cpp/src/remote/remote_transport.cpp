@@ -42,12 +42,12 @@ class RemoteTransport final : public Transport {
     return solve_coupled_remotely(*connection_, view, options, controls, call);
   }
 
-  [[nodiscard]] Expected<RemotePiecesSolution> solve_in_pieces(const Problem& problem,
-                                                               std::span<const Index> stage_of_variable,
-                                                               const PiecesOptions& options,
-                                                               const CoupledControls& controls,
-                                                               const CallControls& call) const override {
-    return solve_in_pieces_remotely(*connection_, problem, stage_of_variable, options, controls, call);
+  [[nodiscard]] Expected<RemoteSegmentsSolution> solve_in_segments(const Problem& problem,
+                                                                   std::span<const Index> stage_of_variable,
+                                                                   const SegmentsOptions& options,
+                                                                   const CoupledControls& controls,
+                                                                   const CallControls& call) const override {
+    return solve_in_segments_remotely(*connection_, problem, stage_of_variable, options, controls, call);
   }
 
   [[nodiscard]] Expected<std::unique_ptr<Session::State>> open_session(

@@ -44,7 +44,7 @@ from marble.message.job import (
     Trace,
 )
 from marble.model.conflict import Conflict
-from marble.model.coupled import Coordination, CoupledSolution, PiecesSolution
+from marble.model.coupled import Coordination, CoupledSolution, SegmentsSolution
 from marble.model.derivatives import AnswerChange, RowResponse, SensitivityAnswer, SensitivityRequest
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem
@@ -93,7 +93,7 @@ __all__ = [
     "OutOfSample",
     "PairSides",
     "PermissionDenied",
-    "PiecesSolution",
+    "SegmentsSolution",
     "PointOrigin",
     "Priority",
     "Problem",

@@ -22,7 +22,7 @@ from marble.message.progress import ProgressOption
 from marble.message.request import Unary
 from marble.message.requests import Call
 from marble.message.solve import SolveRequest
-from marble.model.coupled import Coupled, CoupledSolution, Pieces, PiecesSolution
+from marble.model.coupled import Coupled, CoupledSolution, Segments, SegmentsSolution
 from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem, problem_of, without_objective
@@ -163,16 +163,16 @@ class Client(Connected):
                                                   Call(options, priority, request_id), progress, problem_name)
         return self._transport.coordinate(request, deadline) if sessions else self._transport.run(request, deadline)
 
-    def pieces(self, /, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, overlap: int = -1,
+    def segments(self, /, problem: LCQP | Problem, stages: ArrayLike, num_segments: int, *, overlap: int = -1,
                options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
                progress: ProgressOption = None, deadline: float | None = None, request_id: str = "",
-               sessions: bool = False, **settings: Any) -> PiecesSolution:
-        """Solves one long problem in pieces, as coupled() does; stages, pieces, overlap: see Pieces.
+               sessions: bool = False, **settings: Any) -> SegmentsSolution:
+        """Solves one long problem in segments, as coupled() does; stages, num_segments, overlap: see Segments.
 
-        sessions: as in coupled; the pieces are first solved one after the other, and last as one, in this process.
+        sessions: as in coupled; the segments are first solved one after the other, and last as one, in this process.
         """
         settings, options = coupled_problems.split(settings, options)
-        request = coupled_problems.PiecesRequest(problem, Pieces(stages, pieces, overlap), settings,
+        request = coupled_problems.SegmentsRequest(problem, Segments(stages, num_segments, overlap), settings,
                                                  Call(options, priority, request_id), progress)
         return self._transport.coordinate(request, deadline) if sessions else self._transport.run(request, deadline)
 

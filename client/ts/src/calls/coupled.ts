@@ -33,11 +33,11 @@ export interface CoupledProblem {
 }
 
 /** The segments of a long problem, whose x0 is ignored. */
-export interface Pieces {
+export interface Segments {
   /** The stage of each variable, from 0. */
   stages: ArrayLike<number>;
   /** The number of segments of equal length, ≥ 1. */
-  pieces: number;
+  numSegments: number;
   /** Overlap of the segments in the initial forward pass, in stages; default: a third of a segment, at least 2. */
   overlap?: number;
 }
@@ -45,22 +45,22 @@ export interface Pieces {
 /**
  * Parameters of the coordination. All are optional. `options` apply to the blocks' solves and to the monolithic one.
  */
-export interface PiecesControls extends CommonControls, CallControls {
-  /** Initial ρ > 0 of the proximal term ½ρ|E_k(y − z)|² of each block; default 1, for pieces 100. */
+export interface SegmentsControls extends CommonControls, CallControls {
+  /** Initial ρ > 0 of the proximal term ½ρ|E_k(y − z)|² of each block; default 1, for segments 100. */
   proximal?: number;
   /** Maximum number of coordination iterations, ≥ 1; default 60. */
   maxIterations?: number;
-  /** Iterations after which pairs keep their active side, ≥ 1, for pieces ≥ 0; default 15, for pieces 0. */
+  /** Iterations after which pairs keep their active side, ≥ 1, for segments ≥ 0; default 15, for segments 0. */
   freezeAfter?: number;
   /** Maximum number of branch searches after the blocks agree, ≥ 0; default 3. */
   maxSearches?: number;
   /** Maximum number of pairs to switch in frozen blocks, ≥ 0; default 20. */
   maxPairSwitches?: number;
-  /** Relative tolerance of the coupling rows and of the last step, in (0, 1); default 1e-9, for pieces 1e-8. */
+  /** Relative tolerance of the coupling rows and of the last step, in (0, 1); default 1e-9, for segments 1e-8. */
   tolerance?: number;
-  /** Whether the final branch is solved exactly as a monolithic problem; default true, required for pieces. */
+  /** Whether the final branch is solved exactly as a monolithic problem; default true, required for segments. */
   monolithic?: boolean;
-  /** Whether the monolithic problem searches for better branches; default true, for pieces false. */
+  /** Whether the monolithic problem searches for better branches; default true, for segments false. */
   monolithicSearch?: boolean;
   /**
    * Called for every iteration: `objective` of the blocks, violation of the coupling rows in `violations.equality`,
@@ -72,7 +72,7 @@ export interface PiecesControls extends CommonControls, CallControls {
 }
 
 /** Parameters for coupled blocks. */
-export interface CoupledControls extends PiecesControls {
+export interface CoupledControls extends SegmentsControls {
   /** Initial multipliers of the coupling rows, m entries; default zeros. */
   couplingMultipliers?: ArrayLike<number>;
 }
@@ -96,8 +96,8 @@ export interface CoupledSolution {
   coordination: Coordination;
 }
 
-/** The solution of a problem in pieces. */
-export interface PiecesAnswer {
+/** The solution of a problem in segments. */
+export interface SegmentsAnswer {
   /** The solution of the whole problem. */
   solution: Solution;
   coordination: Coordination;
@@ -111,16 +111,16 @@ export async function coupled(
   return coupledSolutionOf(await answer(connection, coupledRequest(problem, controls), controls), problem.blocks);
 }
 
-export async function pieces(
+export async function segments(
   connection: Connection,
   problem: Problem,
-  cut: Pieces,
-  controls: PiecesControls,
-): Promise<PiecesAnswer> {
-  return piecesAnswerOf(await answer(connection, piecesRequest(problem, cut, controls), controls));
+  cut: Segments,
+  controls: SegmentsControls,
+): Promise<SegmentsAnswer> {
+  return segmentsAnswerOf(await answer(connection, segmentsRequest(problem, cut, controls), controls));
 }
 
-async function answer(connection: Connection, solve: SolveRequest, controls: PiecesControls): Promise<SolveResponse> {
+async function answer(connection: Connection, solve: SolveRequest, controls: SegmentsControls): Promise<SolveResponse> {
   const progressIntervalS = secondsOrZero("progressIntervalS", controls.progressIntervalS);
   const request = { solve, progressIntervalS, iterateEvery: 0 };
   const messages = serverStream(connection, SolverService.solveCoupled, request, controls, connection.deadlineMs);
@@ -154,23 +154,23 @@ function blockOf({ problem, coupling }: CoupledBlock, rows: number): BlockMessag
   return { problem: message, coupling: sparse(taken) };
 }
 
-/** The same for pieces. */
-export function piecesRequest(problem: Problem, cut: Pieces, controls: PiecesControls): SolveRequest {
+/** The same for segments. */
+export function segmentsRequest(problem: Problem, cut: Segments, controls: SegmentsControls): SolveRequest {
   const request = solveRequest({ ...problem, x0: undefined }, controls);
-  const stages = takeVector("coupled.pieces.stages", cut.stages, problem.g.length, "variables");
+  const stages = takeVector("coupled.segments.stages", cut.stages, problem.g.length, "variables");
   stages.forEach((value, index) => {
     if (Number.isInteger(value) && value >= 0 && value <= 0x7fffffff) return;
-    throw invalid("coupled.pieces.stages", "must be a whole number in [0, 2^31)", { index, value });
+    throw invalid("coupled.segments.stages", "must be a whole number in [0, 2^31)", { index, value });
   });
-  const count = wholeOrZero("coupled.pieces.pieces", cut.pieces);
+  const count = wholeOrZero("coupled.segments.numSegments", cut.numSegments);
   const { overlap } = cut;
-  if (overlap !== -1) wholeOrZero("coupled.pieces.overlap", overlap);
+  if (overlap !== -1) wholeOrZero("coupled.segments.overlap", overlap);
   const message = settingsOf(controls);
-  message.pieces = { stages: packIntegers(Int32Array.from(stages)), pieces: count, overlap };
+  message.segments = { stages: packIntegers(Int32Array.from(stages)), numSegments: count, overlap };
   return { ...request, coupled: message };
 }
 
-function settingsOf(controls: PiecesControls): Message {
+function settingsOf(controls: SegmentsControls): Message {
   const { proximal, maxIterations, freezeAfter, maxSearches, maxPairSwitches, tolerance, monolithic, monolithicSearch } = controls;
   for (const [field, value] of Object.entries({ proximal, tolerance })) {
     if (value !== undefined && typeof value !== "number") throw invalid(`coupled.${field}`, "must be a number", { value });
@@ -193,12 +193,12 @@ export function coupledSolutionOf(response: SolveResponse, blocks: CoupledBlock[
   return { z, couplingMultipliers, solution, coordination };
 }
 
-export function piecesAnswerOf(response: SolveResponse): PiecesAnswer {
+export function segmentsAnswerOf(response: SolveResponse): SegmentsAnswer {
   const { solution, coordination } = answerOf(response);
   return { solution, coordination };
 }
 
-function answerOf(response: SolveResponse): PiecesAnswer & { couplingMultipliers: Float64Array } {
+function answerOf(response: SolveResponse): SegmentsAnswer & { couplingMultipliers: Float64Array } {
   const message = expect(response.solution);
   if (message.coupled === undefined) {
     throw errorOf("failed_precondition", "this solution has no coordination: its problem was solved alone");

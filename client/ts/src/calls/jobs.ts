@@ -36,13 +36,13 @@ import {
   type CoupledBlock,
   type CoupledControls,
   type CoupledProblem,
-  type Pieces,
-  type PiecesAnswer,
-  type PiecesControls,
+  type Segments,
+  type SegmentsAnswer,
+  type SegmentsControls,
   coupledSolutionOf,
   coupledRequest,
-  piecesAnswerOf,
-  piecesRequest,
+  segmentsAnswerOf,
+  segmentsRequest,
 } from "./coupled.js";
 import { type Limits, Patience, repeated } from "./patience.js";
 import {
@@ -198,9 +198,9 @@ export class Jobs {
     return this.send(coupledRequest(problem, controls), controls);
   }
 
-  /** The same for a long problem in pieces. */
-  async submitPieces(problem: Problem, cut: Pieces, controls: PiecesControls = {}): Promise<SubmittedJob> {
-    return this.send(piecesRequest(problem, cut, controls), controls);
+  /** The same for a long problem in segments. */
+  async submitSegments(problem: Problem, cut: Segments, controls: SegmentsControls = {}): Promise<SubmittedJob> {
+    return this.send(segmentsRequest(problem, cut, controls), controls);
   }
 
   /**
@@ -238,9 +238,9 @@ export class Jobs {
     return coupledSolutionOf(await this.response(jobId, controls), blocks);
   }
 
-  /** The same for a problem in pieces. */
-  async pieces(jobId: string, controls: ResultControls = {}): Promise<PiecesAnswer> {
-    return piecesAnswerOf(await this.response(jobId, controls));
+  /** The same for a problem in segments. */
+  async segments(jobId: string, controls: ResultControls = {}): Promise<SegmentsAnswer> {
+    return segmentsAnswerOf(await this.response(jobId, controls));
   }
 
   private async send(request: SolveRequest, controls: CallControls): Promise<SubmittedJob> {

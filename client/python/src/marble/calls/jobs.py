@@ -13,7 +13,7 @@ from marble.message import scenarios as two_stage
 from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted, SubmittedArray
 from marble.message.request import Message, Stream, Unary
 from marble.message.requests import Call
-from marble.model.coupled import Coupled, CoupledSolution, Pieces, PiecesSolution
+from marble.model.coupled import Coupled, CoupledSolution, Segments, SegmentsSolution
 from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem, compiled, in_terms_of
@@ -90,12 +90,12 @@ class Jobs(OnTransport):
         request = requests.submission(problem_name, Call(options, priority, request_id), coupled=part)
         return self._call("Jobs/Submit", request, _SUBMITTED, deadline)
 
-    def submit_pieces(self, /, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, overlap: int = -1,
+    def submit_segments(self, /, problem: LCQP | Problem, stages: ArrayLike, num_segments: int, *, overlap: int = -1,
                       options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
                       request_id: str = "", deadline: float | None = None, **settings: Any) -> Submitted:
-        """Queues one long problem in pieces, as Client.pieces takes it; pieces() returns the solution."""
+        """Queues one long problem in segments, as Client.segments takes it; segments() returns the solution."""
         settings, options = coupled.split(settings, options)
-        part = coupled.pieces_encoder(problem, Pieces(stages, pieces, overlap), settings)
+        part = coupled.segments_encoder(problem, Segments(stages, num_segments, overlap), settings)
         request = requests.submission(compiled(problem), Call(options, priority, request_id), coupled=part)
         return self._call("Jobs/Submit", request, _SUBMITTED, deadline)
 
@@ -150,11 +150,11 @@ class Jobs(OnTransport):
         return self._of_job("Jobs/Result", "JobResultRequest", job_id,
                             lambda data: coupled.blocks_response(data, blocks), deadline, wait=wait)
 
-    def pieces(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
-               problem: LCQP | Problem | None = None) -> PiecesSolution:
-        """The solution of a job of submit_pieces. problem: as in result."""
+    def segments(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
+                 problem: LCQP | Problem | None = None) -> SegmentsSolution:
+        """The solution of a job of submit_segments. problem: as in result."""
         return self._of_job("Jobs/Result", "JobResultRequest", job_id,
-                            lambda data: coupled.pieces_response(data, problem), deadline, wait=wait)
+                            lambda data: coupled.segments_response(data, problem), deadline, wait=wait)
 
     def list(self, *, states: Sequence[JobState | str] = (), client: str = "", limit: int = 0,
              before: str = "") -> JobPage:

@@ -1,4 +1,4 @@
-"""Problems coupled by rows, or cut into pieces: the requests of their solves, and their results."""
+"""Problems coupled by rows, or cut into segments: the requests of their solves, and their results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from marble.message.scenarios import without_start
 from marble.message.solve import Solve
 from marble.message.wire import Encoder
 from marble.model import coupled as model
-from marble.model.coupled import Coordination, Coupled, CoupledSolution, Pieces, PiecesSolution
+from marble.model.coupled import Coordination, Coupled, CoupledSolution, Segments, SegmentsSolution
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.solution import Solution
@@ -58,13 +58,13 @@ def blocks_encoder(coupled: Coupled, settings: Mapping[str, Any]) -> Encoder:
     return part
 
 
-def pieces_encoder(problem: LCQP | Problem, pieces: Pieces, settings: Mapping[str, Any]) -> Encoder:
-    """A Coupled message of a problem in pieces."""
-    part, own = Encoder("Coupled"), Encoder("Pieces")
+def segments_encoder(problem: LCQP | Problem, segments: Segments, settings: Mapping[str, Any]) -> Encoder:
+    """A Coupled message of a problem in segments."""
+    part, own = Encoder("Coupled"), Encoder("Segments")
     part.others(_settings(settings))
-    own.integers("stages", model.stages_of(compiled(problem), pieces))
-    own.others(_numbers(pieces))
-    part.message("pieces", own)
+    own.integers("stages", model.stages_of(compiled(problem), segments))
+    own.others(_numbers(segments))
+    part.message("segments", own)
     return part
 
 
@@ -72,8 +72,9 @@ def _settings(given: Mapping[str, Any]) -> Any:
     return _message("Coupled", "coupled", "setting", given)
 
 
-def _numbers(pieces: Pieces) -> Any:
-    return _message("Pieces", "pieces", "number", {"pieces": pieces.pieces, "overlap": pieces.overlap})
+def _numbers(segments: Segments) -> Any:
+    return _message("Segments", "segments", "number",
+                    {"num_segments": segments.num_segments, "overlap": segments.overlap})
 
 
 def _core_settings(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -109,34 +110,34 @@ class CoupledRequest(Solve[CoupledSolution]):
         return model.solution_of(answers.core_solution(values, None), self._coupled.blocks, multipliers, coordination)
 
 
-class PiecesRequest(Solve[PiecesSolution]):
-    """A solve of one long problem in pieces."""
+class SegmentsRequest(Solve[SegmentsSolution]):
+    """A solve of one long problem in segments."""
 
     method, streams = "Solver/SolveCoupled", True
 
-    def __init__(self, problem: LCQP | Problem, pieces: Pieces, settings: Mapping[str, Any], call: Call,
+    def __init__(self, problem: LCQP | Problem, segments: Segments, settings: Mapping[str, Any], call: Call,
                  progress: ProgressOption) -> None:
         super().__init__(call, progress)
-        self._problem, self._pieces, self._settings = problem, pieces, settings
+        self._problem, self._segments, self._settings = problem, segments, settings
         self.name = compiled(problem).name
 
     def encode(self) -> bytes:
         """See Request."""
         return requests.solve_stream(compiled(self._problem), self.call,
-                                     coupled=pieces_encoder(self._problem, self._pieces, self._settings))
+                                     coupled=segments_encoder(self._problem, self._segments, self._settings))
 
-    def _result(self, response: Any, arrays: records.Arrays, path: str) -> PiecesSolution:
-        return _pieces_solution(response, arrays, path, self._problem)
+    def _result(self, response: Any, arrays: records.Arrays, path: str) -> SegmentsSolution:
+        return _segments_solution(response, arrays, path, self._problem)
 
-    def compute(self, run: Run) -> PiecesSolution:
+    def compute(self, run: Run) -> SegmentsSolution:
         """See Request."""
         lcqp = without_start(compiled(self._problem), "coupled problems")
-        chosen, numbers = _core_settings(self._settings), _numbers(self._pieces)
-        values = run.core.solve_in_pieces(lcqp, model.stages_of(lcqp, self._pieces), numbers.pieces,
+        chosen, numbers = _core_settings(self._settings), _numbers(self._segments)
+        values = run.core.solve_in_segments(lcqp, model.stages_of(lcqp, self._segments), numbers.num_segments,
                                           numbers.overlap, core_options(self.call.options), chosen,
                                           run.open_block, run.call(lcqp, self.call, self.report))
         coordination = records.of_core(Coordination, values.pop("coupled"))
-        return PiecesSolution(in_terms_of(self._problem, answers.core_solution(values, lcqp)), coordination, "")
+        return SegmentsSolution(in_terms_of(self._problem, answers.core_solution(values, lcqp)), coordination, "")
 
 
 def _coordinated(response: Any, arrays: records.Arrays, path: str, problem: LCQP | None) -> tuple[Solution,
@@ -154,11 +155,11 @@ def _blocks_solution(response: Any, arrays: records.Arrays, path: str,
     return model.solution_of(solution, blocks, coupling_multipliers, coordination)
 
 
-def _pieces_solution(response: Any, arrays: records.Arrays, path: str,
-                     problem: LCQP | Problem | None) -> PiecesSolution:
+def _segments_solution(response: Any, arrays: records.Arrays, path: str,
+                       problem: LCQP | Problem | None) -> SegmentsSolution:
     known = None if problem is None else compiled(problem)
     solution, coordination = _coordinated(response, arrays, path, known)
-    return PiecesSolution(solution if problem is None else in_terms_of(problem, solution), coordination,
+    return SegmentsSolution(solution if problem is None else in_terms_of(problem, solution), coordination,
                           response.job_id)
 
 
@@ -167,6 +168,6 @@ def blocks_response(data: bytes, blocks: Sequence[LCQP | Problem]) -> CoupledSol
     return _blocks_solution(*wire.decode("SolveResponse", data), "", blocks)
 
 
-def pieces_response(data: bytes, problem: LCQP | Problem | None) -> PiecesSolution:
-    """The solution in a SolveResponse of pieces, of which the problem may be unknown."""
-    return _pieces_solution(*wire.decode("SolveResponse", data), "", problem)
+def segments_response(data: bytes, problem: LCQP | Problem | None) -> SegmentsSolution:
+    """The solution in a SolveResponse of segments, of which the problem may be unknown."""
+    return _segments_solution(*wire.decode("SolveResponse", data), "", problem)

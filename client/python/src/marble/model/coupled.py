@@ -1,4 +1,4 @@
-"""Problems coupled by rows, or one problem in pieces: the data, and the solution."""
+"""Problems coupled by rows, or one problem in segments: the data, and the solution."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ class Coupled:
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
+class Segments:
     """How one long problem is cut.
 
-    stages: of each variable, from 0 on. pieces: how many, of equal length. overlap: stages that each piece looks
-    ahead while they are first solved one after the other; -1 is a third of a piece, but at least 2.
+    stages: of each variable, from 0 on. num_segments: how many, of equal length. overlap: stages that each segment
+    looks ahead while they are first solved one after the other; -1 is a third of a segment, but at least 2.
     """
 
     stages: ArrayLike
-    pieces: int
+    num_segments: int
     overlap: int = -1
 
 
@@ -64,7 +64,7 @@ class Coordination:
     iterations: of the coordinator. violation: of the coupling rows. step: the largest of a multiplier.
     proximal: the last ρ. frozen_at: the iteration in which pairs were frozen, 0 never; pair_switches: switches of pairs
     then. factorizations: of all blocks. objective: Σ f_k before the monolithic solve.
-    sweep_objective, sweep_factorizations: of the forward pass over pieces; None and 0 without one.
+    sweep_objective, sweep_factorizations: of the forward pass over segments; None and 0 without one.
     """
 
     status: Status
@@ -104,10 +104,10 @@ class CoupledSolution:
 
 
 @dataclass(frozen=True, eq=False)
-class PiecesSolution:
-    """The solution of a problem in pieces.
+class SegmentsSolution:
+    """The solution of a problem in segments.
 
-    solution: of the problem itself. coordination: of the pieces. repeated: as in CoupledSolution, of pieces.
+    solution: of the problem itself. coordination: of the segments. repeated: as in CoupledSolution, of segments.
     """
 
     solution: Solution
@@ -134,9 +134,9 @@ def checked(coupled: Coupled) -> Checked:
     return Checked(blocks, total, multipliers)
 
 
-def stages_of(problem: LCQP, pieces: Pieces) -> NDArray[np.integer[Any]]:
+def stages_of(problem: LCQP, segments: Segments) -> NDArray[np.integer[Any]]:
     """The stage of each variable."""
-    stages = np.asarray(pieces.stages)
+    stages = np.asarray(segments.stages)
     if stages.shape != problem.g.shape or not np.issubdtype(stages.dtype, np.integer) or stages.min(initial=0) < 0:
         raise InvalidArgument("stages", f"must be {problem.g.size} whole numbers >= 0, one a variable")
     if (largest := stages.max(initial=0)) >= _STAGES:  # else they wrap around

@@ -1,4 +1,4 @@
-#include "marble/composite/pieces.h"
+#include "marble/composite/segments.h"
 
 #include <algorithm>
 #include <cmath>
@@ -22,25 +22,25 @@ constexpr Index kLastStage = std::numeric_limits<Index>::max() - 1;  // their nu
 
 class Cutter {
  public:
-  Cutter(const ProblemView& problem, std::span<const Index> piece_of_variable, Index pieces,
+  Cutter(const ProblemView& problem, std::span<const Index> segment_of_variable, Index segments,
          const SetupControls& ends)
       : p_(problem),
-        piece_of_(piece_of_variable),
+        segment_of_(segment_of_variable),
         interrupt_(ends.stop, ends.until),
-        parts_(at(pieces)),
-        copies_(at(pieces)) {}
+        parts_(at(segments)),
+        copies_(at(segments)) {}
 
-  [[nodiscard]] Expected<Pieces> cut();
+  [[nodiscard]] Expected<Segments> cut();
 
  private:
   struct Part {
     Triplets Q, A, C, L, R;
     std::vector<double> g, b, d, l, r;
   };
-  using Places = std::vector<Pieces::Place>;
+  using Places = std::vector<Segments::Place>;
 
   [[nodiscard]] Places place_rows(std::span<const SparseMatrixView* const> matrices, std::size_t count);
-  [[nodiscard]] Index local(Index piece, Index variable);
+  [[nodiscard]] Index local(Index segment, Index variable);
   void cut_rows(const SparseMatrixView& m, std::span<const double> offsets, const Places& places,
                 Triplets Part::*entries, std::vector<double> Part::*constants);
   void cut_cost();
@@ -48,38 +48,39 @@ class Cutter {
   [[nodiscard]] Expected<void> may_go_on() const;
 
   ProblemView p_;
-  std::span<const Index> piece_of_;
+  std::span<const Index> segment_of_;
   Interrupt interrupt_;
   std::vector<Part> parts_;
-  std::vector<std::unordered_map<Index, Index>> copies_;  // by piece: variable, its copy there
-  std::vector<std::pair<Pieces::Place, Pieces::Place>> ties_;
-  Pieces result_;
+  std::vector<std::unordered_map<Index, Index>> copies_;  // by segment: variable, its copy there
+  std::vector<std::pair<Segments::Place, Segments::Place>> ties_;
+  Segments result_;
 };
 
 // Checked after each matrix: reading one takes milliseconds per million entries.
 Expected<void> Cutter::may_go_on() const {
   if (interrupt_.requested()) {
     return unexpected(
-        failure(interrupt_.stop_requested() ? ErrorCode::cancelled : ErrorCode::deadline_exceeded, "pieces",
+        failure(interrupt_.stop_requested() ? ErrorCode::cancelled : ErrorCode::deadline_exceeded, "segments",
                 "must be cut before the solve is stopped, or its time is over"));
   }
   if (std::ssize(ties_) > kMostCouplingRows) {
-    return unexpected(invalid("total", std::to_string(ties_.size()),
-                              "copies tie the pieces; must be at most " + std::to_string(kMostCouplingRows)));
+    return unexpected(
+        invalid("total", std::to_string(ties_.size()),
+                "copies tie the segments; must be at most " + std::to_string(kMostCouplingRows)));
   }
   return {};
 }
 
-// Returns the index of a variable in a piece; creates a copy there if necessary.
-Index Cutter::local(Index piece, Index variable) {
-  const Pieces::Place& home = result_.variables[at(variable)];
-  if (home.piece == piece) return home.index;
-  const auto [copy, made] = copies_[at(piece)].try_emplace(variable, 0);
+// Returns the index of a variable in a segment; creates a copy there if necessary.
+Index Cutter::local(Index segment, Index variable) {
+  const Segments::Place& home = result_.variables[at(variable)];
+  if (home.segment == segment) return home.index;
+  const auto [copy, made] = copies_[at(segment)].try_emplace(variable, 0);
   if (made) {
-    std::vector<double>& g = parts_[at(piece)].g;
+    std::vector<double>& g = parts_[at(segment)].g;
     copy->second = static_cast<Index>(g.size());
     g.push_back(0.0);
-    ties_.push_back({{piece, copy->second}, home});
+    ties_.push_back({{segment, copy->second}, home});
   }
   return copy->second;
 }
@@ -88,20 +89,20 @@ Cutter::Places Cutter::place_rows(std::span<const SparseMatrixView* const> matri
   Places places(count);
   for (const SparseMatrixView* m : matrices)
     for_entries(*m, [&](Index row, Index j, double) {
-      places[at(row)].piece = std::max(places[at(row)].piece, piece_of_[at(j)]);
+      places[at(row)].segment = std::max(places[at(row)].segment, segment_of_[at(j)]);
     });
   std::vector<Index> next(parts_.size(), 0);
-  for (Pieces::Place& place : places) place.index = next[at(place.piece)]++;
+  for (Segments::Place& place : places) place.index = next[at(place.segment)]++;
   return places;
 }
 
 void Cutter::cut_rows(const SparseMatrixView& m, std::span<const double> offsets, const Places& places,
                       Triplets Part::*entries, std::vector<double> Part::*constants) {
   for (std::size_t row = 0; row < offsets.size(); ++row)
-    (parts_[at(places[row].piece)].*constants).push_back(offsets[row]);
+    (parts_[at(places[row].segment)].*constants).push_back(offsets[row]);
   for_entries(m, [&](Index row, Index j, double value) {
-    const Pieces::Place& place = places[at(row)];
-    (parts_[at(place.piece)].*entries).add(place.index, local(place.piece, j), value);
+    const Segments::Place& place = places[at(row)];
+    (parts_[at(place.segment)].*entries).add(place.index, local(place.segment, j), value);
   });
 }
 
@@ -109,23 +110,23 @@ void Cutter::cut_cost() {
   const bool upper = p_.hessian_form == HessianForm::upper_triangle;
   for_entries(p_.Q, [&](Index i, Index j, double value) {
     if (i > j && !upper) return;  // represented by its mirror image
-    const Index last = std::max(piece_of_[at(i)], piece_of_[at(j)]);
+    const Index last = std::max(segment_of_[at(i)], segment_of_[at(j)]);
     const Index i_there = local(last, i), j_there = local(last, j);
     Triplets& Q = parts_[at(last)].Q;
     Q.add(std::min(i_there, j_there), std::max(i_there, j_there), value);
     for (const Index variable : {i, j}) {
-      const Pieces::Place& home = result_.variables[at(variable)];
-      if (home.piece == last) continue;
+      const Segments::Place& home = result_.variables[at(variable)];
+      if (home.segment == last) continue;
       Q.add(local(last, variable), local(last, variable), std::abs(value));
-      parts_[at(home.piece)].Q.add(home.index, home.index, -std::abs(value));
+      parts_[at(home.segment)].Q.add(home.index, home.index, -std::abs(value));
     }
   });
 }
 
-Expected<Pieces> Cutter::cut() {
-  for (std::size_t j = 0; j < piece_of_.size(); ++j) {
-    Part& part = parts_[at(piece_of_[j])];
-    result_.variables.push_back({piece_of_[j], static_cast<Index>(part.g.size())});
+Expected<Segments> Cutter::cut() {
+  for (std::size_t j = 0; j < segment_of_.size(); ++j) {
+    Part& part = parts_[at(segment_of_[j])];
+    result_.variables.push_back({segment_of_[j], static_cast<Index>(part.g.size())});
     part.g.push_back(p_.g[j]);
   }
   const SparseMatrixView* const pair_rows[] = {&p_.L, &p_.R};
@@ -148,8 +149,8 @@ Expected<Pieces> Cutter::cut() {
   std::vector<Triplets> coupling(parts_.size());
   for (Index row = 0; row < m; ++row) {
     const auto& [copy, home] = ties_[at(row)];
-    coupling[at(copy.piece)].add(row, copy.index, 1.0);
-    coupling[at(home.piece)].add(row, home.index, -1.0);
+    coupling[at(copy.segment)].add(row, copy.index, 1.0);
+    coupling[at(home.segment)].add(row, home.index, -1.0);
   }
   result_.total.assign(at(m), 0.0);
   for (std::size_t k = 0; k < parts_.size(); ++k) {
@@ -157,7 +158,7 @@ Expected<Pieces> Cutter::cut() {
     Part& part = parts_[k];
     const auto n = static_cast<Index>(part.g.size());
     OwnedProblem block;
-    block.name = "piece " + std::to_string(k);
+    block.name = "segment " + std::to_string(k);
     block.hessian_form = HessianForm::upper_triangle;
     const auto made = [n](const Triplets& entries, std::size_t rows, const char* name) {
       return rows == 0 ? Expected<SparseMatrix>(SparseMatrix{})
@@ -186,18 +187,18 @@ Expected<Pieces> Cutter::cut() {
 
 }  // namespace
 
-CoupledView Pieces::view() const {
+CoupledView Segments::view() const {
   CoupledView view{{}, total};
   for (std::size_t k = 0; k < blocks.size(); ++k)
     view.blocks.push_back({blocks[k].name, blocks[k].view(), coupling[k].view()});
   return view;
 }
 
-Solution Pieces::joined(std::span<const BlockAnswer> answers) const {
+Solution Segments::joined(std::span<const BlockAnswer> answers) const {
   Solution whole;
   const auto gather = [&](const std::vector<Place>& places, std::vector<double> Solution::*values) {
     for (const Place& place : places)
-      (whole.*values).push_back((answers[at(place.piece)].solution.*values)[at(place.index)]);
+      (whole.*values).push_back((answers[at(place.segment)].solution.*values)[at(place.index)]);
   };
   gather(variables, &Solution::z);
   gather(equalities, &Solution::equality_multipliers);
@@ -207,7 +208,7 @@ Solution Pieces::joined(std::span<const BlockAnswer> answers) const {
   return whole;
 }
 
-Expected<std::vector<Index>> pieces_by_stage(std::span<const Index> stage_of_variable, Index pieces) {
+Expected<std::vector<Index>> segments_by_stage(std::span<const Index> stage_of_variable, Index segments) {
   if (stage_of_variable.empty()) return unexpected(invalid("stages", "must be one for each variable"));
   for (std::size_t j = 0; j < stage_of_variable.size(); ++j) {
     if (stage_of_variable[j] < 0 || stage_of_variable[j] > kLastStage) {
@@ -216,50 +217,50 @@ Expected<std::vector<Index>> pieces_by_stage(std::span<const Index> stage_of_var
     }
   }
   const std::int64_t stages = std::int64_t{*std::ranges::max_element(stage_of_variable)} + 1;
-  if (pieces < 1 || pieces > stages) {
-    return unexpected(invalid("pieces", std::to_string(pieces),
+  if (segments < 1 || segments > stages) {
+    return unexpected(invalid("num_segments", std::to_string(segments),
                               "must be in [1, " + std::to_string(stages) + "], the stages"));
   }
   std::vector<Index> result;
   result.reserve(stage_of_variable.size());
   for (const Index stage : stage_of_variable)
-    result.push_back(static_cast<Index>(std::int64_t{stage} * pieces / stages));
+    result.push_back(static_cast<Index>(std::int64_t{stage} * segments / stages));
   return result;
 }
 
-Expected<Pieces> cut(const Problem& problem, std::span<const Index> piece_of_variable,
-                     const SetupControls& ends) {
+Expected<Segments> cut(const Problem& problem, std::span<const Index> segment_of_variable,
+                       const SetupControls& ends) {
   const auto n = at(problem.variables());
-  if (piece_of_variable.size() != n) {
-    return unexpected(invalid("pieces", std::to_string(piece_of_variable.size()),
+  if (segment_of_variable.size() != n) {
+    return unexpected(invalid("segments", std::to_string(segment_of_variable.size()),
                               "entries; must be " + std::to_string(n) + ", one for each variable"));
   }
   std::vector<std::uint8_t> seen(n, 0);
   for (std::size_t j = 0; j < n; ++j) {
-    const Index piece = piece_of_variable[j];
-    if (piece < 0 || at(piece) >= n) {
-      return unexpected(invalid("pieces", static_cast<std::int64_t>(j), std::to_string(piece),
+    const Index segment = segment_of_variable[j];
+    if (segment < 0 || at(segment) >= n) {
+      return unexpected(invalid("segments", static_cast<std::int64_t>(j), std::to_string(segment),
                                 "must be in [0, " + std::to_string(n) + ")"));
     }
-    seen[at(piece)] = 1;
+    seen[at(segment)] = 1;
   }
-  const Index last = *std::ranges::max_element(piece_of_variable);
+  const Index last = *std::ranges::max_element(segment_of_variable);
   seen.resize(at(last) + 1);
   if (const auto none = std::ranges::find(seen, 0); none != seen.end()) {
     return unexpected(
-        invalid("pieces", "must give piece " + std::to_string(none - seen.begin()) + " a variable"));
+        invalid("segments", "must give segment " + std::to_string(none - seen.begin()) + " a variable"));
   }
-  return Cutter(problem.view(), piece_of_variable, last + 1, ends).cut();
+  return Cutter(problem.view(), segment_of_variable, last + 1, ends).cut();
 }
 
-// The price of a copy is the remainder of its piece's stationarity at this variable.
-CoupledStart Pieces::start(const Solution& whole) const {
+// The price of a copy is the remainder of its segment's stationarity at this variable.
+CoupledStart Segments::start(const Solution& whole) const {
   CoupledStart start;
   start.coupling_multipliers.assign(total.size(), 0.0);
-  std::vector<std::vector<Index>> home(blocks.size());  // by piece: each variable's index in the whole
+  std::vector<std::vector<Index>> home(blocks.size());  // by segment: each variable's index in the whole
   for (std::size_t k = 0; k < blocks.size(); ++k) home[k].assign(blocks[k].g.size(), -1);
   for (std::size_t j = 0; j < variables.size(); ++j)
-    home[at(variables[j].piece)][at(variables[j].index)] = static_cast<Index>(j);
+    home[at(variables[j].segment)][at(variables[j].index)] = static_cast<Index>(j);
   std::vector<Index> origin(total.size());  // of each tie
   for (std::size_t k = 0; k < blocks.size(); ++k)
     for_entries(coupling[k].view(), [&](Index row, Index j, double value) {
@@ -274,7 +275,7 @@ CoupledStart Pieces::start(const Solution& whole) const {
   }
   const auto deal = [&](const std::vector<Place>& places, std::vector<double> Solution::*values) {
     for (std::size_t row = 0; row < places.size(); ++row)
-      (start.blocks[at(places[row].piece)].*values).push_back((whole.*values)[row]);
+      (start.blocks[at(places[row].segment)].*values).push_back((whole.*values)[row]);
   };
   deal(equalities, &Solution::equality_multipliers);
   deal(inequalities, &Solution::inequality_multipliers);
@@ -302,69 +303,70 @@ CoupledStart Pieces::start(const Solution& whole) const {
   return start;
 }
 
-Expected<void> PiecesOptions::check() const {
+Expected<void> SegmentsOptions::check() const {
   if (auto valid = coupled.check(); !valid) return valid;
-  if (!coupled.monolithic) return unexpected(invalid("monolithic", "must be true of a problem in pieces"));
+  if (!coupled.monolithic) return unexpected(invalid("monolithic", "must be true of a problem in segments"));
   if (overlap < -1) return unexpected(invalid("overlap", std::to_string(overlap), "must be >= -1"));
   return {};
 }
 
 namespace {
 
-// Returns for each piece the stage after its last one.
-std::vector<Index> ends_of(std::span<const Index> stage_of_variable, std::span<const Index> piece_of_variable,
-                           Index pieces) {
-  std::vector<Index> ends(at(pieces), 0);
-  for (std::size_t j = 0; j < piece_of_variable.size(); ++j) {
-    Index& end = ends[at(piece_of_variable[j])];
+// Returns for each segment the stage after its last one.
+std::vector<Index> ends_of(std::span<const Index> stage_of_variable,
+                           std::span<const Index> segment_of_variable, Index segments) {
+  std::vector<Index> ends(at(segments), 0);
+  for (std::size_t j = 0; j < segment_of_variable.size(); ++j) {
+    Index& end = ends[at(segment_of_variable[j])];
     end = std::max(end, stage_of_variable[j] + 1);
   }
   return ends;
 }
 
 // Ends like any solve that is interrupted during set-up.
-Expected<PiecesSolution> ended_before(const Problem& problem, const PiecesOptions& options,
-                                      const CoupledControls& controls) {
-  PiecesSolution result;
+Expected<SegmentsSolution> ended_before(const Problem& problem, const SegmentsOptions& options,
+                                        const CoupledControls& controls) {
+  SegmentsSolution result;
   auto whole = solve_once(problem, options.coupled.options, {.stop = controls.stop, .begun = controls.begun},
                           controls.setup);
   if (!whole) return unexpected(whole.error());
   result.whole = *std::move(whole);
   result.coordination.status = result.whole.status;
-  result.coordination.detail = "ended before the pieces were cut";
+  result.coordination.detail = "ended before the segments were cut";
   return result;
 }
 
 }  // namespace
 
-Expected<PiecesSolution> solve_in_pieces(const Problem& problem, std::span<const Index> stage_of_variable,
-                                         const PiecesOptions& options, const CoupledControls& controls) {
+Expected<SegmentsSolution> solve_in_segments(const Problem& problem, std::span<const Index> stage_of_variable,
+                                             const SegmentsOptions& options,
+                                             const CoupledControls& controls) {
   if (auto valid = options.check(); !valid) return unexpected(valid.error());
   CoupledControls own = controls;
   if (!own.begun) own.begun = std::chrono::steady_clock::now();
-  return or_out_of_memory([&]() -> Expected<PiecesSolution> {
-    const auto piece_of_variable = pieces_by_stage(stage_of_variable, options.pieces);
-    if (!piece_of_variable) return unexpected(piece_of_variable.error());
-    if (auto fits = charge(own, tuning::coupled_cut_copies * copy_bytes(problem.view()), "pieces"); !fits)
+  return or_out_of_memory([&]() -> Expected<SegmentsSolution> {
+    const auto segment_of_variable = segments_by_stage(stage_of_variable, options.num_segments);
+    if (!segment_of_variable) return unexpected(segment_of_variable.error());
+    if (auto fits = charge(own, tuning::coupled_cut_copies * copy_bytes(problem.view()), "segments"); !fits)
       return unexpected(fits.error());
-    const auto pieces = cut(problem, *piece_of_variable, setup_of(own, options.coupled.options));
-    if (!pieces) {
-      if (!ends_early(pieces.error())) return unexpected(pieces.error());
+    const auto segments = cut(problem, *segment_of_variable, setup_of(own, options.coupled.options));
+    if (!segments) {
+      if (!ends_early(segments.error())) return unexpected(segments.error());
       return ended_before(problem, options, own);
     }
-    if (auto fits = charge(own, working_bytes(pieces->view()), "pieces"); !fits)
+    if (auto fits = charge(own, working_bytes(segments->view()), "segments"); !fits)
       return unexpected(fits.error());
-    const std::vector<Index> ends = ends_of(stage_of_variable, *piece_of_variable, options.pieces);
+    const std::vector<Index> ends = ends_of(stage_of_variable, *segment_of_variable, options.num_segments);
     auto swept = sweep(
         problem, {.stage_of_variable = stage_of_variable, .ends = ends, .overlap = options.overlap},
         options.coupled.options, {.stop = own.stop, .runner = own.runner, .begun = own.begun}, own.setup);
     if (!swept) return unexpected(swept.error());
-    PiecesSolution result;
+    SegmentsSolution result;
     result.sweep_factorizations = swept->factorizations;
     result.sweep_objective = swept->objective;
     if (!is_solved(swept->status)) {
       result.coordination.status = swept->status;
-      result.coordination.detail = "the pieces were not solved one after the other: " + swept->detail;
+      result.coordination.detail = "the segments were not solved one after the other: " + swept->detail;
       auto whole = stopped(result.coordination)
                        ? solve_from(problem, *std::move(swept), result.coordination, options.coupled, own)
                        : solve_once(problem, options.coupled.options,
@@ -374,10 +376,10 @@ Expected<PiecesSolution> solve_in_pieces(const Problem& problem, std::span<const
       if (!stopped(result.coordination)) result.whole.detail += "; " + result.coordination.detail;
       return result;
     }
-    const CoupledStart start = pieces->start(*swept);
+    const CoupledStart start = segments->start(*swept);
     own.start = &start;
-    const CoupledView view = pieces->view();
-    // The pieces' solvers are destroyed before that of the whole problem is created.
+    const CoupledView view = segments->view();
+    // The segments' solvers are destroyed before that of the whole problem is created.
     auto coordination = [&] {
       LiftedBlocks blocks(view, options.coupled, own);
       return coordinate(blocks, view.total, options.coupled, own);
@@ -387,9 +389,9 @@ Expected<PiecesSolution> solve_in_pieces(const Problem& problem, std::span<const
     Solution found;
     if (coordination->failed_block && !stopped(*coordination)) {
       found = *std::move(swept);
-      coordination->detail += "; so the whole was solved from the pieces one after the other";
+      coordination->detail += "; so the whole was solved from the segments one after the other";
     } else {
-      found = pieces->joined(coordination->answers);
+      found = segments->joined(coordination->answers);
     }
     auto whole = solve_from(problem, std::move(found), *coordination, options.coupled, own);
     if (!whole) return unexpected(whole.error());
