@@ -131,7 +131,7 @@ void hoppers_on_a_budget() {
             alone.z[static_cast<std::size_t>(examples::hopper_index(step, examples::kForceZ))];
     }
     const double budget = share * *std::ranges::max_element(forces);
-    hoppers.total.assign(kSteps, budget);
+    hoppers.coupling_rhs.assign(kSteps, budget);
     const CoupledView view = hoppers.view();
     auto begin = Clock::now();
     const CoupledSolution answer =

@@ -26,7 +26,8 @@ bool of_segments(const std::string& field) {
 }  // namespace
 
 CoupledView coupled_of(const v1::Coupled& message) {
-  CoupledView view{{}, {message.total().data(), static_cast<std::size_t>(message.total_size())}};
+  CoupledView view{{},
+                   {message.coupling_rhs().data(), static_cast<std::size_t>(message.coupling_rhs_size())}};
   view.blocks.reserve(static_cast<std::size_t>(message.blocks_size()));
   for (const v1::CoupledBlock& block : message.blocks()) {
     CoupledBlock& own = view.blocks.emplace_back();
@@ -44,7 +45,7 @@ void to_message(const CoupledView& view, v1::Coupled* message) {
     own->mutable_problem()->set_name(block.name);
     if (!block.coupling.values.empty()) to_message(block.coupling, own->mutable_coupling());
   }
-  message->mutable_total()->Assign(view.total.begin(), view.total.end());
+  message->mutable_coupling_rhs()->Assign(view.coupling_rhs.begin(), view.coupling_rhs.end());
 }
 
 void take_settings(const v1::Coupled& message, CoupledOptions& settings) {

@@ -38,9 +38,9 @@ std::int64_t rows_of(const SparseMatrixView& coupling) {
 }
 
 Expected<void> check_rows(const Config& config, const CoupledView& view) {
-  const auto m = static_cast<std::int64_t>(view.total.size());
+  const auto m = static_cast<std::int64_t>(view.coupling_rhs.size());
   if (m > kMostRows) {
-    return unexpected(invalid("coupled.total", std::to_string(m),
+    return unexpected(invalid("coupled.coupling_rhs", std::to_string(m),
                               "rows tie the blocks; must be at most " + std::to_string(kMostRows)));
   }
   for (std::size_t k = 0; k < view.blocks.size(); ++k) {
@@ -83,9 +83,9 @@ Expected<Work> segments_work(const Config& config, const v1::SolveRequest& reque
   const v1::Segments& segments = request.coupled().segments();
   SegmentsOptions options{.coupled = settings, .num_segments = segments.num_segments()};
   if (segments.has_overlap()) options.overlap = segments.overlap();
-  if (request.coupled().total_size() > 0 || request.coupled().coupling_multipliers_size() > 0)
+  if (request.coupled().coupling_rhs_size() > 0 || request.coupled().coupling_multipliers_size() > 0)
     return unexpected(
-        invalid("coupled.segments", "must be alone: total and coupling_multipliers are of blocks"));
+        invalid("coupled.segments", "must be alone: coupling_rhs and coupling_multipliers are of blocks"));
   if (auto fits = check_count(config, options.num_segments, "coupled.segments.num_segments", " segments");
       !fits)
     return unexpected(fits.error());
@@ -132,11 +132,11 @@ Expected<BlockPlace> check_blocks(const Config& config, const v1::SolveRequest& 
   if (!coupling_multipliers.empty()) {
     const std::span numbers(coupling_multipliers.data(),
                             static_cast<std::size_t>(coupling_multipliers.size()));
-    if (auto valid = check_numbers(numbers, view.total.size(), "coupled.coupling_multipliers"); !valid)
+    if (auto valid = check_numbers(numbers, view.coupling_rhs.size(), "coupled.coupling_multipliers"); !valid)
       return unexpected(valid.error());
   }
   BlockPlace sizes = monolithic_places(view).back();
-  sizes.equalities += static_cast<Index>(view.total.size());
+  sizes.equalities += static_cast<Index>(view.coupling_rhs.size());
   return sizes;
 }
 

@@ -20,8 +20,8 @@ class CoupledCommand : public Cli {
     file("right.json", kRight);
   }
   std::string cell(const std::string& coupling = kForce) {
-    return file("cell.json", R"({"total":[4],"blocks":[{"problem":"left.json","coupling":)" + coupling +
-                                 R"(},{"problem":"right.json","coupling":)" + kForce + "}]}");
+    return file("cell.json", R"({"coupling_rhs":[4],"blocks":[{"problem":"left.json","coupling":)" +
+                                 coupling + R"(},{"problem":"right.json","coupling":)" + kForce + "}]}");
   }
   Result marble(const std::string& arguments) {
     return run("coupled --server " + server_.address() + " " + arguments);
@@ -71,8 +71,8 @@ TEST_F(CoupledCommand, NamesWhatIsWrongWithAFile) {
   };
   refused("nothing.json", "nothing.json");
   refused(quoted(file("list.json", "[]")), "must be a JSON object");
-  refused(quoted(file("none.json", R"({"total":[4]})")), "blocks: must be a list");
-  refused(quoted(file("away.json", R"({"total":[4],"blocks":[{"problem":"away"}]})")),
+  refused(quoted(file("none.json", R"({"coupling_rhs":[4]})")), "blocks: must be a list");
+  refused(quoted(file("away.json", R"({"coupling_rhs":[4],"blocks":[{"problem":"away"}]})")),
           "blocks[0].problem (away)");
   refused(quoted(cell(R"({"rows":1,"cols":1,"i":[0],"j":[0]})")), "blocks[0].coupling.v: must be there");
   refused(quoted(cell(R"({"rows":2,"cols":1,"i":[0],"j":[0],"v":[1]})")), "blocks[0].coupling.rows");

@@ -34,7 +34,7 @@ TEST_F(Nested, JsonIsRefusedInEveryFile) {
   };
   for (const std::string& arguments :
        {"solve --local " + with("g"), "coupled --server local " + with("blocks"),
-        "coupled --server local " + with("total"),
+        "coupled --server local " + with("coupling_rhs"),
         "scenarios --server local " + good + " --sampler " + with("quantities"),
         "scenarios --server local " + good + " --sampler " + with("seed"),
         "solve --local " + good + " --sensitivity " + with("forward")}) {

@@ -182,7 +182,7 @@ TEST_F(CoupledCalls, EndInsideTheirDenseAlgebra) {
     to_message(Q.view(), block->mutable_problem()->mutable_hessian());
     to_message(rows.view(), block->mutable_coupling());
   }
-  for (int row = 0; row < kRows; ++row) request.mutable_coupled()->add_total(1.0);
+  for (int row = 0; row < kRows; ++row) request.mutable_coupled()->add_coupling_rhs(1.0);
   request.mutable_coupled()->set_tolerance(1e-300);  // it goes on and on
   request.mutable_coupled()->set_freeze_after(1'000'000'000);
   request.mutable_coupled()->set_max_iterations(1'000'000'000);
@@ -238,8 +238,8 @@ TEST_F(CoupledCalls, AreRefusedWithThePlaceOfTheFault) {
   EXPECT_EQ(field(blocks(), [](Request& bad) { bad.mutable_scenarios(); }), "solve.scenarios");
   EXPECT_EQ(field(blocks(), [](Request& bad) { bad.mutable_sensitivity(); }), "solve.sensitivity");
   EXPECT_EQ(of_blocks([](C& bad) { bad.mutable_segments(); }), "solve.coupled.segments");
-  EXPECT_EQ(of_blocks([](C& bad) { bad.set_total(2, kNone); }), "solve.coupled.total[2]");
-  EXPECT_EQ(of_blocks([](C& bad) { bad.add_total(0.0); }), "solve.coupled.blocks[0].coupling.rows");
+  EXPECT_EQ(of_blocks([](C& bad) { bad.set_coupling_rhs(2, kNone); }), "solve.coupled.coupling_rhs[2]");
+  EXPECT_EQ(of_blocks([](C& bad) { bad.add_coupling_rhs(0.0); }), "solve.coupled.blocks[0].coupling.rows");
   EXPECT_EQ(of_blocks([](C& bad) { bad.mutable_blocks(1)->mutable_problem()->set_gradient(3, kNone); }),
             "solve.coupled.blocks[1].problem.gradient[3]");
   EXPECT_EQ(of_blocks([](C& bad) {
@@ -263,7 +263,7 @@ TEST_F(CoupledCalls, AreRefusedWithThePlaceOfTheFault) {
   EXPECT_EQ(of_segments([](C& bad) { bad.mutable_segments()->set_overlap(-2); }),
             "solve.coupled.segments.overlap");
   EXPECT_EQ(of_segments([](C& bad) { bad.set_monolithic(false); }), "solve.coupled.monolithic");
-  EXPECT_EQ(of_segments([](C& bad) { bad.add_total(0.0); }), "solve.coupled.segments");
+  EXPECT_EQ(of_segments([](C& bad) { bad.add_coupling_rhs(0.0); }), "solve.coupled.segments");
   const auto many = [](Request& bad) { *bad.mutable_coupled()->add_blocks() = bad.coupled().blocks(0); };
   EXPECT_EQ(status(blocks(), many).error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_EQ(status(segments(7, 7), [](Request&) {}).error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);

@@ -142,7 +142,7 @@ class Memory : public HttpServiceTest {
       set_problem(block->mutable_problem(), n, false);
       set_selection(block->mutable_coupling(), rows, n, k);
     }
-    fill(request.mutable_coupled()->mutable_total(), rows, 1.0);
+    fill(request.mutable_coupled()->mutable_coupling_rhs(), rows, 1.0);
     return request;
   }
   static v1::SolveRequest segments(Random& random) {

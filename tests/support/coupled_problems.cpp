@@ -38,7 +38,7 @@ class Bell {
 }  // namespace
 
 CoupledView OwnedCoupled::view() const {
-  CoupledView view{{}, total};
+  CoupledView view{{}, coupling_rhs};
   for (std::size_t k = 0; k < blocks.size(); ++k)
     view.blocks.push_back({blocks[k].name, blocks[k].view(), coupling[k].view()});
   return view;
@@ -65,7 +65,7 @@ OwnedCoupled random_coupled(const CoupledSizes& sizes, std::uint64_t seed) {
     coupled.coupling.push_back(sparse(bell.matrix(sizes.rows, n)));
     coupled.blocks.push_back(std::move(p));
   }
-  coupled.total = bell.vector(sizes.rows);
+  coupled.coupling_rhs = bell.vector(sizes.rows);
   return coupled;
 }
 
@@ -90,7 +90,7 @@ OwnedCoupled hoppers_on_a_budget(int hoppers, int steps, double budget) {
   left.C = compress(steps, steps, diagonal, "C").value();
   coupled.coupling.push_back(left.C);
   coupled.blocks.push_back(std::move(left));
-  coupled.total.assign(static_cast<std::size_t>(steps), budget);
+  coupled.coupling_rhs.assign(static_cast<std::size_t>(steps), budget);
   return coupled;
 }
 

@@ -11,7 +11,7 @@ namespace marble::testing {
 struct OwnedCoupled {
   std::vector<OwnedProblem> blocks;
   std::vector<SparseMatrix> coupling;
-  std::vector<double> total;
+  std::vector<double> coupling_rhs;
 
   /// This must outlive the view.
   [[nodiscard]] CoupledView view() const;
@@ -24,7 +24,8 @@ struct CoupledSizes {
   Index rows = 2;       ///< coupling rows
 };
 
-/// Dense blocks with Q = WWᵀ/n + ½I; sides, coupling rows and their total are random, of unit variance.
+/// Dense blocks with Q = WWᵀ/n + ½I; sides, coupling rows and their coupling_rhs are random, of unit
+/// variance.
 [[nodiscard]] OwnedCoupled random_coupled(const CoupledSizes& sizes, std::uint64_t seed);
 
 /// Hoppers with a common budget: in each step the vertical forces of their legs, N, sum to at most the

@@ -30,14 +30,14 @@ namespace {
 struct CoupledFile {
   std::vector<OwnedProblem> blocks;
   std::vector<SparseMatrix> coupling;
-  std::vector<double> total;
+  std::vector<double> coupling_rhs;
 
   // A view of its arrays; this must outlive the view.
   [[nodiscard]] CoupledView view() const;
 };
 
 CoupledView CoupledFile::view() const {
-  CoupledView view{{}, total};
+  CoupledView view{{}, coupling_rhs};
   for (std::size_t k = 0; k < blocks.size(); ++k)
     view.blocks.push_back({blocks[k].name, blocks[k].view(), coupling[k].view()});
   return view;
@@ -91,9 +91,9 @@ Expected<void> take_block(const nlohmann::json& object, const std::filesystem::p
   return {};
 }
 
-// Reads {"total": [4], "blocks": [{"problem": "left.json", "coupling": {"rows": 1, "cols": 1, "i": [0], "j":
-// [0], "v": [1]}}, …]}; paths are relative to this file, in any format. Errors name the field, and the file
-// of a block that cannot be read.
+// Reads {"coupling_rhs": [4], "blocks": [{"problem": "left.json", "coupling": {"rows": 1, "cols": 1, "i":
+// [0], "j": [0], "v": [1]}}, …]}; paths are relative to this file, in any format. Errors name the field, and
+// the file of a block that cannot be read.
 Expected<CoupledFile> read_coupled(const std::string& path) {
   const auto bytes = formats::read_bytes(path);
   if (!bytes) return unexpected(bytes.error());
@@ -102,9 +102,9 @@ Expected<CoupledFile> read_coupled(const std::string& path) {
     return unexpected(
         invalid("", "must be a JSON object, nested at most " + std::to_string(kDeepestJson) + " deep"));
   CoupledFile file;
-  auto total = field_in<std::vector<double>>(content, "total");
-  if (!total) return unexpected(total.error());
-  file.total = *std::move(total);
+  auto coupling_rhs = field_in<std::vector<double>>(content, "coupling_rhs");
+  if (!coupling_rhs) return unexpected(coupling_rhs.error());
+  file.coupling_rhs = *std::move(coupling_rhs);
   if (!content.contains("blocks") || !content.at("blocks").is_array())
     return unexpected(invalid("blocks", "must be a list"));
   const nlohmann::json& blocks = content.at("blocks");
@@ -245,10 +245,10 @@ void add_coupled(CLI::App& program, int& exit_code) {
   CLI::App* command = program.add_subcommand(
       "coupled", "Solve problems coupled by linear rows, or one long horizon in segments, by decomposition");
   command
-      ->add_option(
-          "FILE", arguments->file,
-          "JSON: \"total\", and \"blocks\" of \"problem\" (a file) and \"coupling\" (rows, cols, i, j, "
-          "v); with --segments, a problem file")
+      ->add_option("FILE", arguments->file,
+                   "JSON: \"coupling_rhs\", and \"blocks\" of \"problem\" (a file) and \"coupling\" (rows, "
+                   "cols, i, j, "
+                   "v); with --segments, a problem file")
       ->required();
   auto* segments =
       command->add_option("--segments", arguments->segments, "cut the horizon into this many segments");

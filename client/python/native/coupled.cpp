@@ -115,18 +115,19 @@ CoupledControls controls_of(const SolveControls& given) {
   return controls;
 }
 
-py::dict solve(const py::list& blocks, const py::object& total, const py::object& coupling_multipliers,
+py::dict solve(const py::list& blocks, const py::object& coupling_rhs, const py::object& coupling_multipliers,
                const py::dict& given, const py::dict& request, const py::object& open, const Call& call) {
   CoupledOptions settings{.options = options_of(given)};
   take(request, settings);
   Borrowed arrays;
-  CoupledView view{{}, arrays.doubles(total)};
+  CoupledView view{{}, arrays.doubles(coupling_rhs)};
   for (const py::handle block : blocks) {
     const auto parts = block.cast<py::tuple>();
     CoupledBlock& own = view.blocks.emplace_back();
     own.name = parts[0].attr("name").cast<std::string>();
     own.problem = arrays.problem(parts[0]);
-    if (!parts[1].is_none()) own.coupling = arrays.matrix(parts[1], view.total.size(), own.problem.g.size());
+    if (!parts[1].is_none())
+      own.coupling = arrays.matrix(parts[1], view.coupling_rhs.size(), own.problem.g.size());
   }
   CoupledStart start;
   if (!coupling_multipliers.is_none()) {

@@ -46,7 +46,7 @@ const cell: CoupledProblem = {
     { problem: arm(3), coupling },
     { problem: arm(2), coupling },
   ],
-  total: [4],
+  couplingRhs: [4],
 };
 
 // Three variables per stage.
@@ -77,7 +77,7 @@ test("coupled blocks share a resource with one multiplier", async () => {
 });
 
 test("a block without coupling and initial multipliers are accepted", async () => {
-  const apart = { blocks: [cell.blocks[0]!, { problem: arm(2) }], total: [1] };
+  const apart = { blocks: [cell.blocks[0]!, { problem: arm(2) }], couplingRhs: [1] };
   const answer = await client.coupled(apart, { couplingMultipliers: [2], options: { maxIterations: 50 } });
   near(
     answer.z.map((z) => z[0]!),
@@ -148,7 +148,7 @@ test("invalid parts are named by the client and by the server", async () => {
   });
   await rejects(client.coupled({ ...cell, blocks: 3 as never }), "coupled.blocks");
   await rejects(client.coupled({ ...cell, blocks: [] }), "coupled.blocks");
-  await rejects(client.coupled({ ...cell, total: [NaN] }), "coupled.total", 0);
+  await rejects(client.coupled({ ...cell, couplingRhs: [NaN] }), "coupled.couplingRhs", 0);
   await rejects(client.coupled(second({ ...arm(2), g: [0, Infinity] })), "coupled.blocks[1].problem.g", 1);
   await rejects(client.coupled(second({ ...arm(2), R: [] })), "coupled.blocks[1].problem.R.rows");
   await rejects(client.coupled(second(arm(2), [...coupling, ...coupling])), "coupled.blocks[1].coupling.rows");

@@ -33,18 +33,22 @@ namespace {
 
 class Coordinator {
  public:
-  Coordinator(BlockTicks& blocks, std::span<const double> total, const CoupledOptions& options,
+  Coordinator(BlockTicks& blocks, std::span<const double> coupling_rhs, const CoupledOptions& options,
               const CoupledControls& controls)
       : blocks_(blocks),
         options_(options),
         controls_(controls),
-        total_(Eigen::Map<const Vector>(total.data(), static_cast<Eigen::Index>(total.size()))),
+        coupling_rhs_(
+            Eigen::Map<const Vector>(coupling_rhs.data(), static_cast<Eigen::Index>(coupling_rhs.size()))),
         interrupt_(interrupt_of(controls, options.options)),
-        state_{.coupling_multipliers = Vector::Zero(total_.size()), .asks = {}, .answers = {}, .last = {}},
+        state_{.coupling_multipliers = Vector::Zero(coupling_rhs_.size()),
+               .asks = {},
+               .answers = {},
+               .last = {}},
         proximal_(options.proximal) {
     if (controls.start != nullptr && !controls.start->coupling_multipliers.empty())
       state_.coupling_multipliers =
-          Eigen::Map<const Vector>(controls.start->coupling_multipliers.data(), total_.size());
+          Eigen::Map<const Vector>(controls.start->coupling_multipliers.data(), coupling_rhs_.size());
     for (std::size_t k = 0; k < blocks.rows().size(); ++k) {
       BlockAsk& ask = state_.asks.emplace_back();
       for (const Index row : blocks.rows()[k]) ask.price.push_back(state_.coupling_multipliers[row]);
@@ -87,7 +91,7 @@ class Coordinator {
   BlockTicks& blocks_;
   const CoupledOptions& options_;
   const CoupledControls& controls_;
-  Vector total_;
+  Vector coupling_rhs_;
   Interrupt interrupt_;
   State state_;
   Coordination result_;
@@ -235,8 +239,8 @@ bool Coordinator::failed() {
 
 // Measures how far the blocks are from agreement. Returns true if they agree within the tolerance.
 bool Coordinator::measure() {
-  Vector sum = -total_;
-  double step = 0.0, objective = 0.0, value = max_abs(total_);
+  Vector sum = -coupling_rhs_;
+  double step = 0.0, objective = 0.0, value = max_abs(coupling_rhs_);
   for (std::size_t k = 0; k < state_.answers.size(); ++k) {
     const BlockAnswer& answer = state_.answers[k];
     const std::vector<Index>& rows = blocks_.rows()[k];
@@ -254,10 +258,10 @@ bool Coordinator::measure() {
 
 // Returns false if interrupted; then nothing has changed.
 bool Coordinator::agree() {
-  const Eigen::Index m = total_.size();
+  const Eigen::Index m = coupling_rhs_.size();
   Checkpoint checkpoint(interrupt_);
   Eigen::MatrixXd responses = Eigen::MatrixXd::Zero(m, m);
-  Vector violation = -total_, right = -total_, seen_by = Vector::Zero(m);
+  Vector violation = -coupling_rhs_, right = -coupling_rhs_, seen_by = Vector::Zero(m);
   std::vector<Vector> own_coupling_multipliers;
   for (std::size_t k = 0; k < state_.answers.size(); ++k) {
     const BlockAnswer& answer = state_.answers[k];
@@ -456,17 +460,18 @@ Expected<void> CoupledOptions::check() const {
   return {};
 }
 
-Expected<Coordination> coordinate(BlockTicks& blocks, std::span<const double> total,
+Expected<Coordination> coordinate(BlockTicks& blocks, std::span<const double> coupling_rhs,
                                   const CoupledOptions& options, const CoupledControls& controls) {
   if (auto valid = options.check(); !valid) return unexpected(valid.error());
-  if (total.size() > static_cast<std::size_t>(kMostCouplingRows)) {
-    return unexpected(invalid("total", std::to_string(total.size()),
+  if (coupling_rhs.size() > static_cast<std::size_t>(kMostCouplingRows)) {
+    return unexpected(invalid("coupling_rhs", std::to_string(coupling_rhs.size()),
                               "rows tie the blocks; must be at most " + std::to_string(kMostCouplingRows)));
   }
-  if (auto valid = check_numbers(total, total.size(), "total"); !valid) return unexpected(valid.error());
+  if (auto valid = check_numbers(coupling_rhs, coupling_rhs.size(), "coupling_rhs"); !valid)
+    return unexpected(valid.error());
   if (controls.start != nullptr && !controls.start->coupling_multipliers.empty()) {
-    if (auto valid =
-            check_numbers(controls.start->coupling_multipliers, total.size(), "start.coupling_multipliers");
+    if (auto valid = check_numbers(controls.start->coupling_multipliers, coupling_rhs.size(),
+                                   "start.coupling_multipliers");
         !valid)
       return unexpected(valid.error());
   }
@@ -474,7 +479,7 @@ Expected<Coordination> coordinate(BlockTicks& blocks, std::span<const double> to
   if (options.freeze_after == 0 && !knows_sides)
     return unexpected(invalid("freeze_after", "0", "must be >= 1 without a start that knows the sides"));
   const PhaseScope phase(controls.activity, Phase::coupled, options.max_iterations);
-  return or_out_of_memory([&] { return Coordinator(blocks, total, options, controls).run(); });
+  return or_out_of_memory([&] { return Coordinator(blocks, coupling_rhs, options, controls).run(); });
 }
 
 }  // namespace marble

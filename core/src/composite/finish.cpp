@@ -45,8 +45,8 @@ double most_of_a_column(const SparseMatrixView& m) {
 
 // max |Σ E_k z_k − e|
 double rows_violation(const CoupledView& view, const Coordination& coordination) {
-  std::vector<double> sum(view.total.size());
-  for (std::size_t row = 0; row < sum.size(); ++row) sum[row] = -view.total[row];
+  std::vector<double> sum(view.coupling_rhs.size());
+  for (std::size_t row = 0; row < sum.size(); ++row) sum[row] = -view.coupling_rhs[row];
   for (std::size_t k = 0; k < coordination.answers.size(); ++k)
     for_entries(view.blocks[k].coupling, [&](Index row, Index j, double value) {
       sum[at(row)] += value * coordination.answers[k].solution.z[at(j)];
@@ -116,7 +116,7 @@ std::vector<double> widened(const CoupledView& view, const std::vector<BlockPlac
               n_c = end.pairs - first.pairs;
   // (y, ν, ξ, η); y ends with the rows that define v, whose multipliers are zero because v is free.
   const std::size_t lifted_rows = own.certificate.size() - at(n_e + n_i + 2 * n_c);
-  put(0, n_e, first.equalities, at(all.equalities) + view.total.size());
+  put(0, n_e, first.equalities, at(all.equalities) + view.coupling_rhs.size());
   put(at(n_e) + lifted_rows, n_i, first.inequalities, at(all.inequalities));
   put(at(n_e + n_i) + lifted_rows, n_c, first.pairs, at(all.pairs));
   put(at(n_e + n_i + n_c) + lifted_rows, n_c, first.pairs, at(all.pairs));
@@ -169,9 +169,10 @@ std::int64_t copy_bytes(const ProblemView& p) {
 // problems (lifted blocks, then the monolithic problem) and the solutions of the blocks' newest solves and of
 // states that the coordinator may return to.
 std::int64_t working_bytes(const CoupledView& view) {
-  const auto m = std::ssize(view.total);
+  const auto m = std::ssize(view.coupling_rhs);
   std::int64_t dense = 2 * m * m, copies = 0;
-  std::vector<std::size_t> seen(view.total.size(), 0);  // number, from 1, of the last block with this row
+  // Number, from 1, of the last block with this row.
+  std::vector<std::size_t> seen(view.coupling_rhs.size(), 0);
   for (std::size_t k = 0; k < view.blocks.size(); ++k) {
     const CoupledBlock& block = view.blocks[k];
     std::int64_t own = 0;
@@ -273,7 +274,7 @@ Expected<CoupledSolution> solve_coupled(const CoupledView& view, const CoupledOp
     // The blocks' solvers are destroyed before the monolithic one is created.
     auto coordination = [&] {
       LiftedBlocks blocks(view, options, own);
-      return coordinate(blocks, view.total, options, own);
+      return coordinate(blocks, view.coupling_rhs, options, own);
     }();
     if (!coordination) return unexpected(coordination.error());
     return finish_coupled(view, *std::move(coordination), options, own);

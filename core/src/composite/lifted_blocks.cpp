@@ -88,7 +88,7 @@ LiftedBlocks::LiftedBlocks(const CoupledView& view, const CoupledOptions& option
   }
   std::vector<double> coupling_multipliers =
       controls.start == nullptr ? std::vector<double>{} : controls.start->coupling_multipliers;
-  coupling_multipliers.resize(view.total.size(), 0.0);
+  coupling_multipliers.resize(view.coupling_rhs.size(), 0.0);
   if (controls.start == nullptr || controls.start->blocks.empty()) {
     begin_alone(coupling_multipliers);
     return;

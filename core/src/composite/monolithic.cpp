@@ -88,24 +88,24 @@ OwnedProblem monolithic_problem(const CoupledView& view) {
     p.c0 += own.c0;
     append(own.g, p.g), append(own.b, p.b), append(own.d, p.d), append(own.l, p.l), append(own.r, p.r);
   }
-  for (const double e : view.total) p.b.push_back(-e);
+  for (const double e : view.coupling_rhs) p.b.push_back(-e);
   A.add_rows(static_cast<Index>(p.b.size()));
   p.Q = Q.take(), p.A = A.take(), p.C = C.take(), p.L = L.take(), p.R = R.take();
   return p;
 }
 
 Expected<void> check(const CoupledView& view) {
-  const auto m = view.total.size();
+  const auto m = view.coupling_rhs.size();
   if (view.blocks.empty()) return unexpected(invalid("blocks", "must be at least one"));
   if (view.blocks.size() > kMostBlocks) {
     return unexpected(invalid("blocks", std::to_string(view.blocks.size()),
                               "must be at most " + std::to_string(kMostBlocks)));
   }
   if (m > at(kMostCouplingRows)) {
-    return unexpected(invalid("total", std::to_string(m),
+    return unexpected(invalid("coupling_rhs", std::to_string(m),
                               "rows tie the blocks; must be at most " + std::to_string(kMostCouplingRows)));
   }
-  if (auto valid = check_numbers(view.total, m, "total"); !valid) return valid;
+  if (auto valid = check_numbers(view.coupling_rhs, m, "coupling_rhs"); !valid) return valid;
   std::int64_t variables = 0;
   for (std::size_t k = 0; k < view.blocks.size(); ++k) {
     const CoupledBlock& block = view.blocks[k];
@@ -113,8 +113,8 @@ Expected<void> check(const CoupledView& view) {
     if (auto valid = Problem::create(block.problem); !valid)
       return unexpected(inside(prefix + ".problem", valid.error()));
     variables += static_cast<std::int64_t>(block.problem.g.size());
-    if (auto valid = check_matrix(block.coupling, "coupling", m, block.problem.g.size(), "entries of total",
-                                  MayBeEmpty::always);
+    if (auto valid = check_matrix(block.coupling, "coupling", m, block.problem.g.size(),
+                                  "entries of coupling_rhs", MayBeEmpty::always);
         !valid)
       return unexpected(inside(prefix, valid.error()));
   }

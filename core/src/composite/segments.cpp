@@ -65,7 +65,7 @@ Expected<void> Cutter::may_go_on() const {
   }
   if (std::ssize(ties_) > kMostCouplingRows) {
     return unexpected(
-        invalid("total", std::to_string(ties_.size()),
+        invalid("coupling_rhs", std::to_string(ties_.size()),
                 "copies tie the segments; must be at most " + std::to_string(kMostCouplingRows)));
   }
   return {};
@@ -152,7 +152,7 @@ Expected<Segments> Cutter::cut() {
     coupling[at(copy.segment)].add(row, copy.index, 1.0);
     coupling[at(home.segment)].add(row, home.index, -1.0);
   }
-  result_.total.assign(at(m), 0.0);
+  result_.coupling_rhs.assign(at(m), 0.0);
   for (std::size_t k = 0; k < parts_.size(); ++k) {
     if (auto on = may_go_on(); !on) return unexpected(on.error());
     Part& part = parts_[k];
@@ -188,7 +188,7 @@ Expected<Segments> Cutter::cut() {
 }  // namespace
 
 CoupledView Segments::view() const {
-  CoupledView view{{}, total};
+  CoupledView view{{}, coupling_rhs};
   for (std::size_t k = 0; k < blocks.size(); ++k)
     view.blocks.push_back({blocks[k].name, blocks[k].view(), coupling[k].view()});
   return view;
@@ -256,12 +256,12 @@ Expected<Segments> cut(const Problem& problem, std::span<const Index> segment_of
 // The price of a copy is the remainder of its segment's stationarity at this variable.
 CoupledStart Segments::start(const Solution& whole) const {
   CoupledStart start;
-  start.coupling_multipliers.assign(total.size(), 0.0);
+  start.coupling_multipliers.assign(coupling_rhs.size(), 0.0);
   std::vector<std::vector<Index>> home(blocks.size());  // by segment: each variable's index in the whole
   for (std::size_t k = 0; k < blocks.size(); ++k) home[k].assign(blocks[k].g.size(), -1);
   for (std::size_t j = 0; j < variables.size(); ++j)
     home[at(variables[j].segment)][at(variables[j].index)] = static_cast<Index>(j);
-  std::vector<Index> origin(total.size());  // of each tie
+  std::vector<Index> origin(coupling_rhs.size());  // of each tie
   for (std::size_t k = 0; k < blocks.size(); ++k)
     for_entries(coupling[k].view(), [&](Index row, Index j, double value) {
       if (value < 0.0) origin[at(row)] = home[k][at(j)];
@@ -382,7 +382,7 @@ Expected<SegmentsSolution> solve_in_segments(const Problem& problem, std::span<c
     // The segments' solvers are destroyed before that of the whole problem is created.
     auto coordination = [&] {
       LiftedBlocks blocks(view, options.coupled, own);
-      return coordinate(blocks, view.total, options.coupled, own);
+      return coordinate(blocks, view.coupling_rhs, options.coupled, own);
     }();
     if (!coordination) return unexpected(coordination.error());
     result.blocks_objective = sum_of_objectives(*coordination);

@@ -381,7 +381,7 @@ v1::SolveRequest make_coupled(Draw& draw) {
                                                         : static_cast<std::int32_t>(draw.hostile_integer()));
   } else {
     const int rows = draw.between(0, 3);
-    Values total(static_cast<std::size_t>(rows));
+    Values coupling_rhs(static_cast<std::size_t>(rows));
     for (int k = draw.between(1, 3); k > 0; --k) {
       v1::CoupledBlock* block = c.add_blocks();
       const int n = draw.between(1, 4);
@@ -392,9 +392,9 @@ v1::SolveRequest make_coupled(Draw& draw) {
         make_matrix(rows, n, draw, block->mutable_coupling());
       }
     }
-    if (draw.chance(30)) total = drawn(total.size(), draw);
-    assign(total, c.mutable_total());
-    if (draw.chance(20)) assign(drawn(total.size(), draw), c.mutable_coupling_multipliers());
+    if (draw.chance(30)) coupling_rhs = drawn(coupling_rhs.size(), draw);
+    assign(coupling_rhs, c.mutable_coupling_rhs());
+    if (draw.chance(20)) assign(drawn(coupling_rhs.size(), draw), c.mutable_coupling_multipliers());
     if (draw.chance(20)) c.set_monolithic(draw.chance(50));
   }
   if (draw.chance(20)) c.set_monolithic_search(draw.chance(50));

@@ -143,7 +143,7 @@ TEST_F(PartialMatrixRequests, OfEveryFormAndPlaceNameTheirMatrix) {
     small(coupling.mutable_coupled()->add_blocks()->mutable_problem());
     spoil(form, coupling.mutable_coupled()->mutable_blocks(0)->mutable_coupling());
     expect_refused(coupling, "coupled.blocks[0].coupling", form.name);
-    coupling.mutable_coupled()->add_total(0.0);
+    coupling.mutable_coupled()->add_coupling_rhs(0.0);
     expect_refused(coupling, "coupled.blocks[0].coupling", std::string(form.name) + ", one row");
   }
   EXPECT_TRUE(lives());

@@ -43,10 +43,11 @@ OwnedProblem one_variable(double curvature, double g) {
 struct TwoBlocks {
   OwnedProblem left = one_variable(1.0, 0.0), right = one_variable(1.0, 1.0);
   SparseMatrix left_rows = testing::sparse(Eigen::MatrixXd::Ones(1, 1)), right_rows = left_rows;
-  std::vector<double> total = {1.0};
+  std::vector<double> coupling_rhs = {1.0};
 
   [[nodiscard]] CoupledView view() const {
-    return {{{"body", left.view(), left_rows.view()}, {"arm", right.view(), right_rows.view()}}, total};
+    return {{{"body", left.view(), left_rows.view()}, {"arm", right.view(), right_rows.view()}},
+            coupling_rhs};
   }
 };
 
@@ -74,7 +75,7 @@ TEST(Coupled, OneStepOfConvexBlocksWithoutPairsIsTheSolutionOfTheMonolithicKkt) 
       right.segment(5 * k, 5) = -vector(coupled.blocks[block].g);
     }
     kkt.topRightCorner(20, 3) = kkt.bottomLeftCorner(3, 20).transpose();
-    right.tail(3) = vector(coupled.total);
+    right.tail(3) = vector(coupled.coupling_rhs);
     const Eigen::VectorXd exact = testing::dense_solve(kkt, right);
     EXPECT_LE((vector(answer.monolithic.z) - exact.head(20)).cwiseAbs().maxCoeff(), 1e-8);
     EXPECT_LE((vector(answer.coupling_multipliers()) - exact.tail(3)).cwiseAbs().maxCoeff(), 1e-8);
@@ -124,8 +125,9 @@ OwnedProblem pusher() {
 TEST(Coupled, OfEqualBlocksOneTakesTheOtherSideWhereTheRowsAskForBoth) {
   const OwnedProblem arm = pusher();
   const SparseMatrix both = testing::sparse(Eigen::MatrixXd::Identity(2, 2));
-  const std::vector<double> total = {1.0, 1.0};  // one pushes, and the other leaves its gap
-  const CoupledView view{{{"left", arm.view(), both.view()}, {"right", arm.view(), both.view()}}, total};
+  const std::vector<double> coupling_rhs = {1.0, 1.0};  // one pushes, and the other leaves its gap
+  const CoupledView view{{{"left", arm.view(), both.view()}, {"right", arm.view(), both.view()}},
+                         coupling_rhs};
   for (const bool monolithic : {false, true}) {
     CoupledOptions options;
     options.monolithic = monolithic;
@@ -144,11 +146,11 @@ TEST(Coupled, ASideOnWhichABlockHasNoAnswerIsNotTaken) {
   held.C = {1, 2, {0, 1, 1}, {0}, {1.0}}, held.d = {-0.1};
   const OwnedProblem free = pusher();
   const SparseMatrix both = testing::sparse(Eigen::MatrixXd::Identity(2, 2));
-  const std::vector<double> total = {1.0, 1.0};
+  const std::vector<double> coupling_rhs = {1.0, 1.0};
   const CoupledView view{{{"held", held.view(), both.view()},
                           {"stuck", stuck.view(), both.view()},
                           {"free", free.view(), both.view()}},
-                         total};
+                         coupling_rhs};
   const CoupledSolution answer = solve_coupled(view).value();
   EXPECT_EQ(answer.coordination.status, Status::solved) << answer.coordination.detail;
   ASSERT_TRUE(is_solved(answer.monolithic.status)) << answer.monolithic.detail;
@@ -250,7 +252,7 @@ TEST(Coupled, ABlockThatIsUnboundedOnlyWithoutTheRowsIsNotCalledUnbounded) {
   blocks.right = one_variable(-100.0, 0.0);
   blocks.left_rows = {};
   blocks.right_rows = testing::sparse(Eigen::MatrixXd{{1.5}});
-  blocks.total = {0.0};
+  blocks.coupling_rhs = {0.0};
   const CoupledSolution answer = solve_coupled(blocks.view()).value();
   ASSERT_TRUE(is_solved(answer.monolithic.status)) << answer.monolithic.detail;
   EXPECT_NEAR(answer.monolithic.z[1], 0.0, 1e-8);
@@ -263,7 +265,7 @@ TEST(Coupled, ABlockThatIsUnboundedOnlyWithoutTheRowsIsNotCalledUnbounded) {
 TEST(Coupled, RowsThatContradictEachOtherAreInfeasibleAndNoBlockIsBlamed) {
   TwoBlocks blocks;
   blocks.left_rows = blocks.right_rows = testing::sparse(Eigen::MatrixXd::Ones(2, 1));
-  blocks.total = {1.0, 2.0};
+  blocks.coupling_rhs = {1.0, 2.0};
   const CoupledSolution answer = solve_coupled(blocks.view()).value();
   EXPECT_EQ(answer.monolithic.status, Status::infeasible) << answer.monolithic.detail;
   EXPECT_FALSE(answer.coordination.failed_block.has_value());
@@ -310,8 +312,8 @@ TEST(Coupled, ReportsTheViolationsOfABlockThatStopsEarlyByItsOwnRows) {
   CoupledOptions options{.max_iterations = 12, .freeze_after = 1, .max_searches = 1, .max_pair_switches = 2};
   options.options.max_iterations = 150;
   options.options.max_local_search_factorizations = options.options.max_feasibility_factorizations = 60;
-  const std::vector<double> total(3, 0.0);
-  const CoupledView view{{{"block", block.view(), rows.view()}}, total};
+  const std::vector<double> coupling_rhs(3, 0.0);
+  const CoupledView view{{{"block", block.view(), rows.view()}}, coupling_rhs};
   const CoupledSolution answer = solve_coupled(view, options).value();
   const testing::Verdict verdict = testing::judge(monolithic_problem(view).view(), answer.monolithic);
   EXPECT_GT(verdict.complementarity, 0.1) << "solved by now: " << answer.monolithic.detail;
@@ -349,11 +351,11 @@ TEST(Coupled, AFaultOfTheProblemIsNamed) {
   EXPECT_EQ(field_of_fault(good.view()), "");
   EXPECT_EQ(field_of_fault({}), "blocks");
   TwoBlocks bad = good;
-  bad.total = {std::numeric_limits<double>::quiet_NaN()};
-  EXPECT_EQ(field_of_fault(bad.view()), "total");
+  bad.coupling_rhs = {std::numeric_limits<double>::quiet_NaN()};
+  EXPECT_EQ(field_of_fault(bad.view()), "coupling_rhs");
   bad = good;
-  bad.total.assign(static_cast<std::size_t>(kMostCouplingRows) + 1, 0.0);
-  EXPECT_EQ(field_of_fault(bad.view()), "total");
+  bad.coupling_rhs.assign(static_cast<std::size_t>(kMostCouplingRows) + 1, 0.0);
+  EXPECT_EQ(field_of_fault(bad.view()), "coupling_rhs");
   EXPECT_NE(check(bad.view()).error().message().find("2000"), std::string::npos);
   bad = good;
   bad.right_rows.values[0] = std::numeric_limits<double>::infinity();

@@ -145,8 +145,8 @@ TEST(CoupledMemory, DenseMatricesAreRefusedBeforeTheyAreBuilt) {
   SparseMatrix rows{kRows, 2, {0, kRows, kRows}, {}, std::vector<double>(kRows, 1.0)};
   for (Index row = 0; row < kRows; ++row) rows.row_indices.push_back(row);
   CoupledView view{{}, {}};
-  const std::vector<double> total(kRows, 0.0);
-  view.total = total;
+  const std::vector<double> coupling_rhs(kRows, 0.0);
+  view.coupling_rhs = coupling_rhs;
   for (int k = 0; k < 500; ++k) view.blocks.push_back({"", block.view(), rows.view()});  // 36 GB of responses
   EXPECT_GT(working_bytes(view), std::int64_t{30} << 30);
   const auto refused = solve_coupled(view, {}, {.setup = {.most_bytes = std::int64_t{4} << 30}});

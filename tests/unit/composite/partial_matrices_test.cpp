@@ -93,7 +93,7 @@ TEST_P(PartialMatrices, AreRefusedAsCouplingWithRowsAndWithout) {
   for (const Index rows : {0, 2}) {
     testing::OwnedCoupled c =
         testing::random_coupled({.blocks = 2, .variables = 4, .pairs = 1, .rows = 2}, 4);
-    c.total.resize(static_cast<std::size_t>(rows));
+    c.coupling_rhs.resize(static_cast<std::size_t>(rows));
     for (SparseMatrix& coupling : c.coupling)
       if (rows == 0) coupling = {};
     ASSERT_EQ(coupled(c), "");
@@ -122,7 +122,7 @@ TEST(CompleteMatricesWithoutRows, AreAsGoodAsEmptyOnes) {
     EXPECT_EQ(coupled(c), "") << letter;
   }
   testing::OwnedCoupled c = testing::random_coupled({.blocks = 2, .variables = 4}, 5);
-  c.total.clear();
+  c.coupling_rhs.clear();
   c.coupling = {without_rows(4), {}};
   EXPECT_EQ(coupled(c), "");
 }

@@ -76,7 +76,7 @@ Expected<RemoteCoupledSolution> remote_coupled(const v1::SolveResponse& response
   answer->monolithic = solution_of(response.solution());
   answer->places = monolithic_places(view);
   const BlockPlace& ends = answer->places.back();
-  const std::size_t equalities = static_cast<std::size_t>(ends.equalities) + view.total.size();
+  const std::size_t equalities = static_cast<std::size_t>(ends.equalities) + view.coupling_rhs.size();
   if (answer->monolithic.z.size() != static_cast<std::size_t>(ends.variables) ||
       answer->monolithic.equality_multipliers.size() != equalities) {
     return unexpected(invalid(

@@ -139,17 +139,19 @@ class Client(Connected):
         call = Call(options, priority, request_id, progress_interval)
         return self._transport.run(two_stage.ScenarioRequest(problem, asked, call, progress, level), deadline)
 
-    def coupled(self, /, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None], total: ArrayLike, *,
+    def coupled(self, /, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None],
+                coupling_rhs: ArrayLike, *,
                 coupling_multipliers: ArrayLike | None = None, options: Mapping[str, Any] | None = None,
                 priority: Priority | str | None = None, progress: ProgressOption = None, deadline: float | None = None,
                 request_id: str = "", problem_name: str = "", sessions: bool = False,
                 **settings: Any) -> CoupledSolution:
-        """Solves problems coupled by rows: min Σ f_k(z_k), each z_k feasible for its own block, Σ E_k z_k = total.
+        """Solves problems coupled by rows: min Σ f_k(z_k), each z_k feasible for its own block, Σ E_k z_k =
+        coupling_rhs.
 
-        blocks, coupling (E_k), total, coupling_multipliers: see Coupled. Solved on one server, blocks on idle workers,
-        block by block for multipliers of the rows; last the branch that was found, as one problem. progress: a row an
-        iteration, whose violations.equality is of the rows and kkt_residual the largest step of a multiplier. settings:
-        proximal, max_iterations, freeze_after, max_searches, max_pair_switches, tolerance, monolithic,
+        blocks, coupling (E_k), coupling_rhs, coupling_multipliers: see Coupled. Solved on one server, blocks on idle
+        workers, block by block for multipliers of the rows; last the branch that was found, as one problem. progress: a
+        row an iteration, whose violations.equality is of the rows and kkt_residual the largest step of a multiplier.
+        settings: proximal, max_iterations, freeze_after, max_searches, max_pair_switches, tolerance, monolithic,
         monolithic_search, described with their defaults in coupled.proto; other names are options, as in solve. All
         else as in solve.
 
@@ -159,8 +161,8 @@ class Client(Connected):
         blocks under way are solved.
         """
         settings, options = coupled_problems.split(settings, options)
-        request = coupled_problems.CoupledRequest(Coupled(blocks, coupling, total, coupling_multipliers), settings,
-                                                  Call(options, priority, request_id), progress, problem_name)
+        request = coupled_problems.CoupledRequest(Coupled(blocks, coupling, coupling_rhs, coupling_multipliers),
+                                                  settings, Call(options, priority, request_id), progress, problem_name)
         return self._transport.coordinate(request, deadline) if sessions else self._transport.run(request, deadline)
 
     def segments(self, /, problem: LCQP | Problem, stages: ArrayLike, num_segments: int, *, overlap: int = -1,

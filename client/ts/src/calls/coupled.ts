@@ -22,14 +22,14 @@ export interface CoupledBlock {
   coupling?: Matrix;
 }
 
-/** Problems coupled by rows: min Σ f_k(z_k), each z_k feasible for its block, Σ E_k z_k = total. */
+/** Problems coupled by rows: min Σ f_k(z_k), each z_k feasible for its block, Σ E_k z_k = couplingRhs. */
 export interface CoupledProblem {
   /** For logs and dashboards; at most 256 bytes. */
   name?: string;
   /** At least one. */
   blocks: CoupledBlock[];
   /** The right-hand side of the coupling rows, m entries. */
-  total: ArrayLike<number>;
+  couplingRhs: ArrayLike<number>;
 }
 
 /** The segments of a long problem, whose x0 is ignored. */
@@ -132,15 +132,15 @@ async function answer(connection: Connection, solve: SolveRequest, controls: Seg
 }
 
 /** Throws an InvalidProblemError before anything is sent. */
-export function coupledRequest({ name, blocks, total }: CoupledProblem, controls: CoupledControls): SolveRequest {
+export function coupledRequest({ name, blocks, couplingRhs }: CoupledProblem, controls: CoupledControls): SolveRequest {
   if (!Array.isArray(blocks) || blocks.length === 0) {
     throw invalid("coupled.blocks", "must be an array of at least one", { value: blocks });
   }
-  const rows = total?.length ?? 0;
+  const rows = couplingRhs?.length ?? 0;
   const message = settingsOf(controls);
-  message.total = packDoubles(takeVector("coupled.total", total, rows, "rows"));
+  message.couplingRhs = packDoubles(takeVector("coupled.couplingRhs", couplingRhs, rows, "rows"));
   if (controls.couplingMultipliers !== undefined) {
-    message.couplingMultipliers = packDoubles(takeVector("coupled.couplingMultipliers", controls.couplingMultipliers, rows, "rows, as total has"));
+    message.couplingMultipliers = packDoubles(takeVector("coupled.couplingMultipliers", controls.couplingMultipliers, rows, "rows, as couplingRhs has"));
   }
   message.blocks = blocks.map((block, k) => within(`coupled.blocks[${k}]`, () => blockOf(block, rows)));
   return { ...requestOf(ProblemMessage.fromPartial({ name: name ?? "" }), controls), coupled: message };
@@ -150,7 +150,7 @@ function blockOf({ problem, coupling }: CoupledBlock, rows: number): BlockMessag
   const { message, shape } = within("problem", () => checkProblem(problem));
   if (coupling === undefined) return { problem: message, coupling: undefined };
   const taken = takeMatrix("coupling", coupling, shape.variables);
-  if (taken.rows !== rows) throw invalid("coupling.rows", `must be ${rows}, as many as total has`, { value: taken.rows });
+  if (taken.rows !== rows) throw invalid("coupling.rows", `must be ${rows}, as many as couplingRhs has`, { value: taken.rows });
   return { problem: message, coupling: sparse(taken) };
 }
 

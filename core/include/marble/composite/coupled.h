@@ -40,8 +40,8 @@ struct CoupledBlock {
 
 /// A coupled problem. Borrows its arrays.
 struct CoupledView {
-  std::vector<CoupledBlock> blocks;  ///< at least one
-  std::span<const double> total;     ///< coupling right-hand side e, m; its size defines m
+  std::vector<CoupledBlock> blocks;      ///< at least one
+  std::span<const double> coupling_rhs;  ///< coupling right-hand side e, m; its size defines m
 };
 
 /// Options of a coupled solve.
@@ -183,9 +183,9 @@ struct Coordination {
   std::int32_t pair_switches = 0;            ///< pairs that stayed on their other side
 };
 
-/// Iterates until the blocks agree. `total`: e. `options.monolithic` is ignored. Errors: invalid_argument of
-/// the fields of CoupledOptions, or of "total"; and the errors of tick().
-[[nodiscard]] Expected<Coordination> coordinate(BlockTicks& blocks, std::span<const double> total,
+/// Iterates until the blocks agree. `coupling_rhs`: e. `options.monolithic` is ignored. Errors:
+/// invalid_argument of the fields of CoupledOptions, or of "coupling_rhs"; and the errors of tick().
+[[nodiscard]] Expected<Coordination> coordinate(BlockTicks& blocks, std::span<const double> coupling_rhs,
                                                 const CoupledOptions& options = {},
                                                 const CoupledControls& controls = {});
 
@@ -218,7 +218,7 @@ struct CoupledSolution {
 [[nodiscard]] std::int64_t working_bytes(const CoupledView& view);
 
 /// Checks everything and names the first error: "blocks[3].problem.A.values", "blocks[0].coupling.rows",
-/// "total".
+/// "coupling_rhs".
 [[nodiscard]] Expected<void> check(const CoupledView& view);
 
 /// Returns all blocks and coupling rows as one LCQP: the variables, rows and pairs of the blocks in their

@@ -18,7 +18,7 @@ namespace marble {
 struct Segments {
   std::vector<OwnedProblem> blocks;
   std::vector<SparseMatrix> coupling;
-  std::vector<double> total;  ///< zeros, one for each copy
+  std::vector<double> coupling_rhs;  ///< zeros, one for each copy
 
   /// Returns a view of the arrays, which must outlive it.
   [[nodiscard]] CoupledView view() const;
@@ -42,7 +42,7 @@ struct Segments {
                                                              Index num_segments);
 
 /// Divides a problem: `segment_of_variable` (n) has entries from 0 to the last segment, and each segment has
-/// a variable. Errors: invalid_argument of "segments", or of "total" if there would be more than
+/// a variable. Errors: invalid_argument of "segments", or of "coupling_rhs" if there would be more than
 /// kMostCouplingRows copies; cancelled or deadline_exceeded if `ends` ended it.
 [[nodiscard]] Expected<Segments> cut(const Problem& problem, std::span<const Index> segment_of_variable,
                                      const SetupControls& ends = {});

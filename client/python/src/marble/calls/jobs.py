@@ -80,13 +80,13 @@ class Jobs(OnTransport):
                           deadline)
 
     def submit_coupled(self, /, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None],
-                       total: ArrayLike, *, coupling_multipliers: ArrayLike | None = None,
+                       coupling_rhs: ArrayLike, *, coupling_multipliers: ArrayLike | None = None,
                        options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
                        request_id: str = "", deadline: float | None = None, problem_name: str = "",
                        **settings: Any) -> Submitted:
         """Queues problems coupled by rows, as Client.coupled and submit take them; coupled() returns the solution."""
         settings, options = coupled.split(settings, options)
-        part = coupled.blocks_encoder(Coupled(blocks, coupling, total, coupling_multipliers), settings)
+        part = coupled.blocks_encoder(Coupled(blocks, coupling, coupling_rhs, coupling_multipliers), settings)
         request = requests.submission(problem_name, Call(options, priority, request_id), coupled=part)
         return self._call("Jobs/Submit", request, _SUBMITTED, deadline)
 

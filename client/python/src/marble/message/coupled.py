@@ -52,7 +52,7 @@ def blocks_encoder(coupled: Coupled, settings: Mapping[str, Any]) -> Encoder:
         if coupling is not None:
             one.message("coupling", requests.matrix_encoder(coupling))
         part.message("blocks", one)
-    part.doubles("total", checked.total)
+    part.doubles("coupling_rhs", checked.coupling_rhs)
     if checked.coupling_multipliers is not None:
         part.doubles("coupling_multipliers", checked.coupling_multipliers)
     return part
@@ -103,7 +103,7 @@ class CoupledRequest(Solve[CoupledSolution]):
         """See Request."""
         chosen, checked = _core_settings(self._settings), model.checked(self._coupled)
         call = run.call(checked.blocks[0][0], self.call, self.report)
-        values = run.core.solve_coupled(list(checked.blocks), checked.total, checked.coupling_multipliers,
+        values = run.core.solve_coupled(list(checked.blocks), checked.coupling_rhs, checked.coupling_multipliers,
                                         core_options(self.call.options), chosen, run.open_block, call)
         coordination = records.of_core(Coordination, values.pop("coupled"))
         multipliers = np.asarray(values.pop("coupling_multipliers"))

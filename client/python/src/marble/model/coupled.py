@@ -21,15 +21,15 @@ _STAGES: Final = 2**31 - 1
 
 @dataclass(frozen=True, eq=False)
 class Coupled:
-    """Blocks and their coupling rows: min Σ f_k(z_k), each z_k feasible for its own problem, Σ E_k z_k = total.
+    """Blocks and their coupling rows: min Σ f_k(z_k), each z_k feasible for its own problem, Σ E_k z_k = coupling_rhs.
 
-    blocks: at least one. coupling: E_k for each block, m × n_k; None where it is in no row. total: m numbers.
+    blocks: at least one. coupling: E_k for each block, m × n_k; None where it is in no row. coupling_rhs: m numbers.
     coupling_multipliers: initial multipliers of the rows, m; None is zeros.
     """
 
     blocks: Sequence[LCQP | Problem]
     coupling: Sequence[MatrixLike | None]
-    total: ArrayLike
+    coupling_rhs: ArrayLike
     coupling_multipliers: ArrayLike | None = None
 
 
@@ -51,7 +51,7 @@ class Checked:
     """A Coupled, checked: E_k as csc matrices."""
 
     blocks: Sequence[tuple[LCQP, Any]]
-    total: Vector
+    coupling_rhs: Vector
     coupling_multipliers: Vector | None
 
 
@@ -118,7 +118,7 @@ class SegmentsSolution:
 
 def checked(coupled: Coupled) -> Checked:
     """Raises InvalidArgument where parts do not fit together."""
-    total = vector(coupled.total, "total")
+    coupling_rhs = vector(coupled.coupling_rhs, "coupling_rhs")
     if not coupled.blocks:
         raise InvalidArgument("blocks", "must be at least one")
     if len(coupled.coupling) != len(coupled.blocks):
@@ -126,12 +126,12 @@ def checked(coupled: Coupled) -> Checked:
     blocks: list[tuple[LCQP, Any]] = []
     for k, (block, coupling) in enumerate(zip(coupled.blocks, coupled.coupling, strict=True)):
         lcqp = compiled(block)
-        rows = None if coupling is None else matrix(coupling, f"coupling[{k}]", lcqp.g.size, total.size)
+        rows = None if coupling is None else matrix(coupling, f"coupling[{k}]", lcqp.g.size, coupling_rhs.size)
         blocks.append((lcqp, rows))
     multipliers = coupled.coupling_multipliers
     if multipliers is not None:
-        multipliers = vector(multipliers, "coupling_multipliers", total.size)
-    return Checked(blocks, total, multipliers)
+        multipliers = vector(multipliers, "coupling_multipliers", coupling_rhs.size)
+    return Checked(blocks, coupling_rhs, multipliers)
 
 
 def stages_of(problem: LCQP, segments: Segments) -> NDArray[np.integer[Any]]:
