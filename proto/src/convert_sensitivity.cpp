@@ -69,8 +69,8 @@ AnswerChanges changes_of(const v1::AnswerChanges& m) {
           vector_of(vectors.inequality_multipliers()),
           vector_of(vectors.complementarity_multipliers_l()),
           vector_of(vectors.complementarity_multipliers_r()),
-          {m.holds().begin(), m.holds().end()},
-          vector_of(m.missing())};
+          {m.active_set_constant().begin(), m.active_set_constant().end()},
+          vector_of(m.undefined())};
 }
 
 ProblemGradients gradients_of(const v1::ProblemGradients& m) {
@@ -78,7 +78,7 @@ ProblemGradients gradients_of(const v1::ProblemGradients& m) {
 #define MARBLE_VECTOR(letter, field) gradients.letter = vector_of(m.numbers().field());
 #define MARBLE_MATRIX(letter, field, values, vector) gradients.letter = vector_of(m.numbers().values());
 #include "marble/contract.def"
-  gradients.missing = vector_of(m.missing());
+  gradients.undefined = vector_of(m.undefined());
   return gradients;
 }
 
@@ -160,16 +160,17 @@ void to_message(const Expected<SensitivityAnswer>& answer, v1::Sensitivity* mess
       to_message(answer->rows->error(), rows->mutable_error());
     }
   }
-  if (const AnswerChanges& changes = answer->changes; !changes.holds.empty()) {
+  if (const AnswerChanges& changes = answer->changes; !changes.active_set_constant.empty()) {
     v1::AnswerChanges* reported = message->mutable_changes();
     vectors_to_message(changes, reported->mutable_vectors());
-    reported->mutable_holds()->Assign(changes.holds.begin(), changes.holds.end());
-    reported->mutable_missing()->Assign(changes.missing.begin(), changes.missing.end());
+    reported->mutable_active_set_constant()->Assign(changes.active_set_constant.begin(),
+                                                    changes.active_set_constant.end());
+    reported->mutable_undefined()->Assign(changes.undefined.begin(), changes.undefined.end());
   }
   if (const ProblemGradients& gradients = answer->gradients; !gradients.g.empty()) {
     v1::ProblemGradients* reported = message->mutable_gradients();
     numbers_to_message(gradients, reported->mutable_numbers());
-    reported->mutable_missing()->Assign(gradients.missing.begin(), gradients.missing.end());
+    reported->mutable_undefined()->Assign(gradients.undefined.begin(), gradients.undefined.end());
   }
 }
 

@@ -368,7 +368,7 @@ static void derivatives_come_with_answers(const marble_client* client) {
     check_number(marble_solution_change(solution, 0, "z", &v, &count, NULL), &v, &count, 1, -0.5);
     check_number(marble_solution_change(solution, 1, "z", &v, &count, NULL), &v, &count, 0, -3);
     check_number(marble_solution_change(solution, 1, "xi", &v, &count, NULL), &v, &count, 0, -5);
-    CHECK(marble_solution_holds(solution, 1) == 1 && marble_solution_holds(solution, 2) == -1);
+    CHECK(marble_solution_active_set_constant(solution, 1) == 1 && marble_solution_active_set_constant(solution, 2) == -1);
     check_number(marble_solution_gradient(solution, 0, "g", &v, &count, NULL), &v, &count, 1, -0.5);
     check_number(marble_solution_gradient(solution, 0, "Q", &v, &count, NULL), &v, &count, 1, -1);
     check_number(marble_solution_response(solution, "response", &v, &count, NULL), &v, &count, 0, 0.5);
@@ -386,7 +386,7 @@ static void derivatives_come_with_answers(const marble_client* client) {
   CHECK(marble_call_set_losses(call, 0, NULL, NULL, 0, NULL) == MARBLE_OK);
   CHECK(marble_call_set_rows(call, 0, 0, NULL, 0, NULL, NULL, 0, NULL) == MARBLE_OK);
   CHECK(marble_solve(client, problem, NULL, call, &solution, NULL) == MARBLE_OK);
-  CHECK(marble_solution_holds(solution, 0) == -1);
+  CHECK(marble_solution_active_set_constant(solution, 0) == -1);
   CHECK(marble_solution_weak(NULL, "pairs", &indices, &count, NULL) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_call_set_losses(NULL, 1, "z", both, 2, NULL) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_call_set_rows(NULL, 0, 0, NULL, 0, NULL, NULL, 0, NULL) == MARBLE_INVALID_ARGUMENT);

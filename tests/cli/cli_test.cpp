@@ -177,7 +177,7 @@ TEST_F(Cli, ReportsTheDerivativesThatAFileAsksForHereAndFromAServer) {
   EXPECT_NEAR(reported["changes"][0]["z"][1].get<double>(), -0.25, 1e-9);
   EXPECT_NEAR(reported["changes"][1]["z"][0].get<double>(), 0.375, 1e-9)
       << "z₁ = (2 + 2r) / (4 + q), r and q rise";
-  EXPECT_EQ(reported["changes"][0]["holds"], true);
+  EXPECT_EQ(reported["changes"][0]["active_set_constant"], true);
   EXPECT_NEAR(reported["gradients"][0]["g"][1].get<double>(), -0.25, 1e-9);
   EXPECT_NEAR(reported["rows"]["response"][0][0].get<double>(), 0.25, 1e-9);
   EXPECT_EQ(reported["rows"]["values"][0], here.lines().at(0)["z"][0]);

@@ -86,13 +86,13 @@ void expect_same_derivatives(const Solution& a, const Solution& b) {
               "changes.equality_multipliers");
   expect_bits(here.changes.complementarity_multipliers_R, there.changes.complementarity_multipliers_R,
               "changes.complementarity_multipliers_R");
-  EXPECT_EQ(here.changes.holds, there.changes.holds);
-  EXPECT_EQ(here.changes.missing, there.changes.missing);
+  EXPECT_EQ(here.changes.active_set_constant, there.changes.active_set_constant);
+  EXPECT_EQ(here.changes.undefined, there.changes.undefined);
   expect_bits(here.gradients.g, there.gradients.g, "gradients.g");
   expect_bits(here.gradients.b, there.gradients.b, "gradients.b");
   expect_bits(here.gradients.Q, there.gradients.Q, "gradients.Q");
   expect_bits(here.gradients.R, there.gradients.R, "gradients.R");
-  EXPECT_EQ(here.gradients.missing, there.gradients.missing);
+  EXPECT_EQ(here.gradients.undefined, there.gradients.undefined);
   EXPECT_FALSE(std::isnan(here.gradients.g.front())) << "the first loss has a gradient";
 }
 

@@ -113,7 +113,7 @@ TEST(SensitivityRequest, WithASolveReportsWhatTheAnswersOwnSensitivityDoes) {
     EXPECT_EQ(sensitivity.biactive_pairs, own.biactive_pairs());
     if (!own.is_smooth()) continue;
     ++looked_at;
-    EXPECT_TRUE(sensitivity.changes.missing.empty() && sensitivity.gradients.missing.empty());
+    EXPECT_TRUE(sensitivity.changes.undefined.empty() && sensitivity.gradients.undefined.empty());
     for (std::size_t k = 0; k < 2; ++k) {
       const auto part = [k](const Values& values) {
         return std::span(values).subspan(k * values.size() / 2, values.size() / 2);
@@ -123,7 +123,7 @@ TEST(SensitivityRequest, WithASolveReportsWhatTheAnswersOwnSensitivityDoes) {
       expect_alike(part(sensitivity.changes.equality_multipliers), change.equality_multipliers, "y");
       expect_alike(part(sensitivity.changes.complementarity_multipliers_L),
                    change.complementarity_multipliers_L, "xi");
-      EXPECT_EQ(sensitivity.changes.holds[k] != 0, change.holds);
+      EXPECT_EQ(sensitivity.changes.active_set_constant[k] != 0, change.active_set_constant);
       const ProblemGradient gradient = own.gradient({.z = part(z)}).value();
       expect_alike(part(sensitivity.gradients.g), gradient.g, "g");
       expect_alike(part(sensitivity.gradients.l), gradient.l, "l");
@@ -151,7 +151,7 @@ void expect_many_as_one_by_one(const OwnedProblem& p, Index count, bool offsets,
   const Solution answer = asked(p, request);
   ASSERT_TRUE(is_solved(answer.status)) << answer.detail;
   const SensitivityAnswer& many = reported(answer);
-  EXPECT_TRUE(many.changes.missing.empty() && many.gradients.missing.empty());
+  EXPECT_TRUE(many.changes.undefined.empty() && many.gradients.undefined.empty());
   const SensitivityAnswer later =
       Sensitivity::create(Problem::create(p.view()).value(), answer).value().answer(request).value();
   expect_alike(later.changes.z, many.changes.z, "z, asked for later");
@@ -186,7 +186,7 @@ void expect_many_as_one_by_one(const OwnedProblem& p, Index count, bool offsets,
     expect_same(many.changes.z, one.changes.z, "z");
     expect_same(many.changes.equality_multipliers, one.changes.equality_multipliers, "y");
     expect_same(many.changes.complementarity_multipliers_R, one.changes.complementarity_multipliers_R, "eta");
-    EXPECT_EQ(many.changes.holds[k], one.changes.holds[0]);
+    EXPECT_EQ(many.changes.active_set_constant[k], one.changes.active_set_constant[0]);
     expect_same(many.gradients.g, one.gradients.g, "g");
     expect_same(many.gradients.r, one.gradients.r, "r");
     expect_same(many.gradients.A, one.gradients.A, "A");
@@ -388,10 +388,10 @@ TEST(SensitivityRequest, DirectionsThatHaveNoChangeAreNamedAndTheOthersHaveTheir
   const SensitivityRequest request{.directions = {2, {.g = g}}, .losses = {2, {.z = g}}};
   const Solution answer = asked(p, request);
   const SensitivityAnswer& sensitivity = reported(answer);
-  EXPECT_EQ(sensitivity.changes.missing, (std::vector<Index>{0}));
+  EXPECT_EQ(sensitivity.changes.undefined, (std::vector<Index>{0}));
   EXPECT_TRUE(std::isnan(sensitivity.changes.z[0]));
   EXPECT_NEAR(sensitivity.changes.z[2], -0.5, 1e-9);
-  EXPECT_EQ(sensitivity.gradients.missing, (std::vector<Index>{0}));
+  EXPECT_EQ(sensitivity.gradients.undefined, (std::vector<Index>{0}));
   EXPECT_NEAR(sensitivity.gradients.g[2], -0.5, 1e-9);
 }
 
@@ -404,8 +404,8 @@ TEST(SensitivityRequest, AmongManyAtOnceThoseWithoutAChangeLeaveTheOthersTheirs)
   const SensitivityRequest request{.directions = {7, {.g = g}}, .losses = {7, {.z = g}}};
   const Solution answer = asked(p, request);
   const SensitivityAnswer& sensitivity = reported(answer);
-  EXPECT_EQ(sensitivity.changes.missing, (std::vector<Index>{1, 4}));
-  EXPECT_EQ(sensitivity.gradients.missing, (std::vector<Index>{1, 4}));
+  EXPECT_EQ(sensitivity.changes.undefined, (std::vector<Index>{1, 4}));
+  EXPECT_EQ(sensitivity.gradients.undefined, (std::vector<Index>{1, 4}));
   for (std::size_t k = 0; k < 7; ++k) {
     if (k % 3 == 1) {
       EXPECT_TRUE(std::isnan(sensitivity.changes.z[2 * k]) && std::isnan(sensitivity.gradients.Q[k]));
@@ -428,7 +428,7 @@ TEST(SensitivityRequest, OfABiactivePairEachDirectionReportsWhetherItHolds) {
   const Solution answer = asked(p, request);
   EXPECT_EQ(reported(answer).biactive_pairs, (std::vector<Index>{0}));
   EXPECT_FALSE(reported(answer).is_smooth());
-  EXPECT_NE(reported(answer).changes.holds[0], reported(answer).changes.holds[1])
+  EXPECT_NE(reported(answer).changes.active_set_constant[0], reported(answer).changes.active_set_constant[1])
       << "each way is of one branch alone";
 }
 
@@ -469,7 +469,7 @@ TEST(SensitivityRequest, WhereAOneSidedChangeHoldsItIsTheDifferenceAndTheSignsSa
     bool expected = true;
     for (std::size_t j = 0; j < kVariables; ++j)
       expected = expected && (stays(j) ? to[j] >= 0.0 : to[j] <= 0.0);
-    EXPECT_EQ(sensitivity.changes.holds[k] != 0, expected) << "direction " << k;
+    EXPECT_EQ(sensitivity.changes.active_set_constant[k] != 0, expected) << "direction " << k;
     if (!expected) continue;
     ++held;
     OwnedProblem moved = p;

@@ -82,7 +82,7 @@ TEST(Sensitivity, ChangesAreTheDifferencesOfAnswersNearby) {
     ++smooth;
     const Numbers direction = direction_for(p, 100 + static_cast<std::uint64_t>(seed));
     const AnswerChange change = sensitivity->along(direction.update()).value();
-    EXPECT_TRUE(change.holds);
+    EXPECT_TRUE(change.active_set_constant);
     constexpr double h = 1e-6;
     const Solution after = moved(p, direction, h, answer), before = moved(p, direction, -h, answer);
     ASSERT_TRUE(is_solved(after.status) && is_solved(before.status));
@@ -157,7 +157,7 @@ TEST(Sensitivity, ACornerThatPullsBothWaysIsSmoothAndAFlatOneIsReported) {
   auto either = Sensitivity::create(Problem::create(flat.view()).value(), solved(flat)).value();
   EXPECT_EQ(either.biactive_pairs(), (std::vector<Index>{0}));
   const std::vector<double> right = {-1.0, 1.0}, up = {1.0, -1.0};
-  EXPECT_NE(either.along({.g = right})->holds, either.along({.g = up})->holds)
+  EXPECT_NE(either.along({.g = right})->active_set_constant, either.along({.g = up})->active_set_constant)
       << "each way is of one branch alone";
 }
 
@@ -172,8 +172,9 @@ TEST(Sensitivity, AWeaklyActiveInequalityHoldsOneWay) {
   const std::vector<double> in = {1.0}, out = {-1.0};
   const AnswerChange pressed = sensitivity.along({.g = in}).value(),
                      freed = sensitivity.along({.g = out}).value();
-  EXPECT_NE(pressed.holds, freed.holds);
-  EXPECT_NEAR((pressed.holds ? pressed : freed).z[0], pressed.holds ? 0.0 : 1.0, 1e-9);
+  EXPECT_NE(pressed.active_set_constant, freed.active_set_constant);
+  EXPECT_NEAR((pressed.active_set_constant ? pressed : freed).z[0], pressed.active_set_constant ? 0.0 : 1.0,
+              1e-9);
 }
 
 // min ½z₀² + ½z₁² + 2z₀ − z₁ with z₀ ⊥ z₁, at the corner: ξ = 2, η = −1. The branch z₀ = 0 has another

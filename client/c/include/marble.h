@@ -248,7 +248,7 @@ int32_t marble_solution_change(const marble_solution* solution, int32_t directio
                                const double** values, int64_t* count, marble_error* error);
 /* Returns 1 if the solution moves that way for small positive steps, which is always so without weak rows; 0
  * if it does not; -1 if there is no such change. */
-int32_t marble_solution_holds(const marble_solution* solution, int32_t direction);
+int32_t marble_solution_active_set_constant(const marble_solution* solution, int32_t direction);
 /* Returns the derivatives of a loss with respect to the numbers of a part: g, b, d, l, r, Q, A, C, L or R.
  * Upper entries of Q stand for both. */
 int32_t marble_solution_gradient(const marble_solution* solution, int32_t loss, const char* part,

@@ -167,22 +167,23 @@ std::int32_t marble_solution_change(const marble_solution* solution, std::int32_
     const auto sensitivity = reported(solution);
     if (!sensitivity) return unexpected(sensitivity.error());
     const marble::AnswerChanges& changes = (*sensitivity)->changes;
-    if (std::ranges::count(changes.missing, direction) > 0)
+    if (std::ranges::count(changes.undefined, direction) > 0)
       return unexpected(
           none("direction", "has no change: the branch is flat along it, or its rows contradict"));
     return lend(
-        changes, direction, changes.holds.size(), "direction", name, "name", kVectors,
+        changes, direction, changes.active_set_constant.size(), "direction", name, "name", kVectors,
         [](const auto& all, std::string_view which) { return vector_of(all, which); }, values, count);
   });
 }
 
-std::int32_t marble_solution_holds(const marble_solution* solution, std::int32_t direction) {
+std::int32_t marble_solution_active_set_constant(const marble_solution* solution, std::int32_t direction) {
   const auto sensitivity = reported(solution);
   if (!sensitivity || direction < 0) return -1;
   const marble::AnswerChanges& changes = (*sensitivity)->changes;
   const auto at = static_cast<std::size_t>(direction);
-  if (at >= changes.holds.size() || std::ranges::count(changes.missing, direction) > 0) return -1;
-  return changes.holds[at];
+  if (at >= changes.active_set_constant.size() || std::ranges::count(changes.undefined, direction) > 0)
+    return -1;
+  return changes.active_set_constant[at];
 }
 
 std::int32_t marble_solution_gradient(const marble_solution* solution, std::int32_t loss, const char* part,
@@ -192,7 +193,7 @@ std::int32_t marble_solution_gradient(const marble_solution* solution, std::int3
     const auto sensitivity = reported(solution);
     if (!sensitivity) return unexpected(sensitivity.error());
     const marble::ProblemGradients& gradients = (*sensitivity)->gradients;
-    if (std::ranges::count(gradients.missing, loss) > 0) {
+    if (std::ranges::count(gradients.undefined, loss) > 0) {
       return unexpected(
           none("loss", "has no gradient: multipliers that it weighs are not unique, or the branch is flat"));
     }

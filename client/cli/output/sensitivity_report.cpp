@@ -13,9 +13,9 @@ std::span<const double> share(std::span<const double> all, std::size_t number, s
 
 Json changes_json(const AnswerChanges& changes) {
   Json list = Json::array();
-  const std::size_t count = changes.holds.size();
+  const std::size_t count = changes.active_set_constant.size();
   for (std::size_t k = 0; k < count; ++k) {
-    if (std::ranges::count(changes.missing, static_cast<Index>(k)) > 0) {
+    if (std::ranges::count(changes.undefined, static_cast<Index>(k)) > 0) {
       list.push_back(nullptr);
       continue;
     }
@@ -24,7 +24,7 @@ Json changes_json(const AnswerChanges& changes) {
                     {"inequality_multipliers", share(changes.inequality_multipliers, k, count)},
                     {"complementarity_multipliers_L", share(changes.complementarity_multipliers_L, k, count)},
                     {"complementarity_multipliers_R", share(changes.complementarity_multipliers_R, k, count)},
-                    {"holds", changes.holds[k] != 0}});
+                    {"active_set_constant", changes.active_set_constant[k] != 0}});
   }
   return list;
 }
@@ -37,7 +37,7 @@ Json gradients_json(const ProblemGradients& gradients, std::size_t variables) {
 #define MARBLE_VECTOR(letter, field) gradient[#letter] = share(gradients.letter, k, count);
 #define MARBLE_MATRIX(letter, field, update, vector) gradient[#letter] = share(gradients.letter, k, count);
 #include "marble/contract.def"
-    const bool missing = std::ranges::count(gradients.missing, static_cast<Index>(k)) > 0;
+    const bool missing = std::ranges::count(gradients.undefined, static_cast<Index>(k)) > 0;
     list.push_back(missing ? Json(nullptr) : gradient);
   }
   return list;
@@ -70,15 +70,16 @@ std::string sensitivity_text(const Solution& answer) {
   if (!answer.sensitivity) return "";
   if (!*answer.sensitivity) return "none: " + answer.sensitivity->error().message();
   const SensitivityAnswer& reported = **answer.sensitivity;
-  const std::size_t changes = reported.changes.holds.size(),
+  const std::size_t changes = reported.changes.active_set_constant.size(),
                     losses = reported.gradients.g.size() / answer.z.size();
   std::string text = counted(changes, "direction", "directions");
   if (!reported.is_smooth())
-    text += " (" + std::to_string(std::ranges::count(reported.changes.holds, 1)) + " hold)";
+    text += " (" + std::to_string(std::ranges::count(reported.changes.active_set_constant, 1)) +
+            " with a constant active set)";
   text += ", " + counted(losses, "loss", "losses");
   if (reported.rows)
     text += *reported.rows ? ", " + counted((*reported.rows)->values.size(), "row", "rows") : ", no rows";
-  if (const std::size_t missing = reported.changes.missing.size() + reported.gradients.missing.size();
+  if (const std::size_t missing = reported.changes.undefined.size() + reported.gradients.undefined.size();
       missing > 0)
     text += ", " + std::to_string(missing) + " without derivatives";
   if (!reported.is_smooth()) {

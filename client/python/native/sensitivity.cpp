@@ -62,7 +62,7 @@ class Derivatives {
     Borrowed arrays;
     AnswerChange change = value_or_raise(sensitivity_.along(arrays.update(direction)));
     py::dict reported = vectors_reported(change);
-    reported["holds"] = change.holds;
+    reported["active_set_constant"] = change.active_set_constant;
     return reported;
   }
 
@@ -125,10 +125,10 @@ py::object derivatives_reported(std::optional<Expected<SensitivityAnswer>> sensi
   reported["biactive_pairs"] = answer.biactive_pairs;
   if (answer.rows && *answer.rows) reported["rows"] = response_reported(std::move(**answer.rows));
   if (answer.rows && !*answer.rows) reported["rows_error"] = fault_arguments(answer.rows->error());
-  reported["holds"] = answer.changes.holds;
-  reported["missing_changes"] = answer.changes.missing;
+  reported["active_set_constant"] = answer.changes.active_set_constant;
+  reported["undefined_changes"] = answer.changes.undefined;
   reported["changes"] = vectors_reported(answer.changes);
-  reported["missing_gradients"] = answer.gradients.missing;
+  reported["undefined_gradients"] = answer.gradients.undefined;
   reported["gradients"] = numbers_reported(answer.gradients);
   reported["factorizations"] = answer.factorizations;
   reported["back_substitutions"] = answer.back_substitutions;

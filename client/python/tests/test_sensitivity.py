@@ -22,8 +22,9 @@ def asked(problem: marble.LCQP, **more) -> marble.SensitivityRequest:
 
 def same(a: marble.SensitivityAnswer, b: marble.SensitivityAnswer) -> None:
     for one in (a, b):
-        one.raise_if_missing()
-    for name in ("weak_inequalities", "biactive_pairs", "holds", "missing_changes", "missing_gradients"):
+        one.raise_if_undefined()
+    for name in ("weak_inequalities", "biactive_pairs", "active_set_constant", "undefined_changes",
+                 "undefined_gradients"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
     for name in ("values", "free", "response", "z", "columns"):
         np.testing.assert_array_equal(getattr(a.rows, name), getattr(b.rows, name), err_msg=name)
@@ -116,11 +117,11 @@ def test_what_is_only_just_active_is_named_and_each_direction_says_whether_it_ho
     request = marble.SensitivityRequest(directions=[{"g": [-1, 1]}, {"g": [1, -1]}])
     derivatives = client.solve(corner, sensitivity=request).sensitivity
     assert not derivatives.smooth and derivatives.biactive_pairs.tolist() == [0]
-    assert sorted(derivatives.holds.tolist()) == [False, True]
+    assert sorted(derivatives.active_set_constant.tolist()) == [False, True]
     flat = marble.LCQP([[2.0, 0.0], [0.0, 0.0]], [0.0, 0.0])
     derivatives = client.solve(flat, sensitivity=marble.SensitivityRequest(directions=[{"g": [0, 1]}, {"g": [1, 0]}],
                                                                     rows=[0.0, 1.0])).sensitivity
-    assert derivatives.missing_changes.tolist() == [0] and np.isnan(derivatives.changes["z"][0]).all()
+    assert derivatives.undefined_changes.tolist() == [0] and np.isnan(derivatives.changes["z"][0]).all()
     assert derivatives.changes["z"][1, 0] == pytest.approx(-0.5)
     assert derivatives.rows is None and "flat" in str(derivatives.rows_error)
 
@@ -131,7 +132,7 @@ def test_an_answer_that_is_not_solved_says_so_and_the_call_is_none_the_worse(cli
         answer = marble.solve(PROBLEM, server=server, sensitivity=request, max_iterations=0, path="paper", polish=False)
         assert str(answer.sensitivity.error).startswith("solution: must be solved: it is ")
         with pytest.raises(marble.FailedPrecondition):
-            answer.sensitivity.raise_if_missing()
+            answer.sensitivity.raise_if_undefined()
 
 
 @pytest.mark.parametrize(("more", "field"), [

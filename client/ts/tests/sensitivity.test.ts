@@ -77,7 +77,7 @@ test("changes along directions are the differences of solutions nearby", async (
   const sensitivity = derivativesOf(await client.solve(problem, { sensitivity: requested }));
   assert.ok(sensitivity.smooth);
   const [along, other] = sensitivity.changes;
-  assert.ok(along?.holds && other?.holds);
+  assert.ok(along?.activeSetConstant && other?.activeSetConstant);
   const moved = (step: number): Problem => ({ ...problem, b: [-2 + step] });
   close(along.z, await difference(moved, ({ z }) => z));
   close(along.equalityMultipliers, await difference(moved, (s) => s.equalityMultipliers));
@@ -150,7 +150,7 @@ test("with a biactive pair each direction reports whether the active set is cons
   );
   assert.deepEqual([...sensitivity.biactivePairs], [0]);
   assert.equal(sensitivity.smooth, false);
-  assert.notEqual(sensitivity.changes[0]?.holds, sensitivity.changes[1]?.holds);
+  assert.notEqual(sensitivity.changes[0]?.activeSetConstant, sensitivity.changes[1]?.activeSetConstant);
 });
 
 test("missing derivatives are undefined, and the error has the reason", async () => {

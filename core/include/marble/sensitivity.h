@@ -37,7 +37,7 @@ struct AnswerChange {
   std::vector<double> complementarity_multipliers_R;  ///< n_c
   /// True if the solution moves this way for small positive steps: the rows of weak_inequalities and
   /// biactive_pairs keep the right signs. Always true if there are none.
-  bool holds = true;
+  bool active_set_constant = true;
 };
 
 /// Derivatives of a loss by the vectors of a solution. Absent ones are zero.
@@ -145,10 +145,11 @@ struct AnswerChanges {
   std::vector<double> inequality_multipliers;         ///< count n_i
   std::vector<double> complementarity_multipliers_L;  ///< count n_c
   std::vector<double> complementarity_multipliers_R;  ///< count n_c
-  std::vector<std::uint8_t> holds;                    ///< count: 1 where AnswerChange::holds is true
+  std::vector<std::uint8_t>
+      active_set_constant;  ///< count: 1 where AnswerChange::active_set_constant is true
   /// Directions without a derivative; their numbers are NaN. The branch is flat along them, or its rows
   /// depend on each other and contradict.
-  std::vector<Index> missing;
+  std::vector<Index> undefined;
 };
 
 /// Gradients of losses, as in ProblemGradient, one after the other.
@@ -165,7 +166,7 @@ struct ProblemGradients {
   std::vector<double> R;  ///< count times one per stored entry
   /// Losses without a gradient; their numbers are NaN. The multipliers that they weight are not unique, or
   /// the branch is flat.
-  std::vector<Index> missing;
+  std::vector<Index> undefined;
 };
 
 /// The requested derivatives.
@@ -185,7 +186,7 @@ struct SensitivityAnswer {
   std::int32_t back_substitutions = 0;
 
   /// True if the derivatives hold in all directions, both ways. Otherwise they are those of one of several
-  /// branches, and AnswerChange::holds says for which directions they hold.
+  /// branches, and AnswerChange::active_set_constant says for which directions they hold.
   [[nodiscard]] bool is_smooth() const { return weak_inequalities.empty() && biactive_pairs.empty(); }
 };
 
@@ -235,7 +236,7 @@ class Sensitivity {
   [[nodiscard]] Expected<RowResponse> rows(const RowsRequest& request);
 
   /// Answers a whole request, up to eight directions, losses and rows at once. Errors: as check() of the
-  /// request and rows(). Undefined derivatives are listed in `missing` or are errors in the result.
+  /// request and rows(). Undefined derivatives are listed in `undefined` or are errors in the result.
   [[nodiscard]] Expected<SensitivityAnswer> answer(const SensitivityRequest& request);
 
   /// As in SensitivityAnswer.

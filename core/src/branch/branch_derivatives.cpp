@@ -161,8 +161,9 @@ void BranchDerivatives::find_weak_rows() {
 // the value of a row that is not held may only grow. The same applies to the fixed side of a biactive pair.
 // `by_direction` contains the effect of the direction itself on the weak rows.
 template <class T>
-void BranchDerivatives::report_holds(const BranchSystem<T>& system, const std::vector<T>& by_direction,
-                                     const Batch<T>& batch, std::vector<std::uint8_t>& holds) const {
+void BranchDerivatives::report_constant_active_sets(const BranchSystem<T>& system,
+                                                    const std::vector<T>& by_direction, const Batch<T>& batch,
+                                                    std::vector<std::uint8_t>& active_set_constant) const {
   if (weak_rows_.empty()) return;
   const T largest = system.largest();
   for (std::size_t k = 0; k < weak_rows_.size(); ++k) {
@@ -170,7 +171,8 @@ void BranchDerivatives::report_holds(const BranchSystem<T>& system, const std::v
     const bool held = point_.set.held[row] != 0;
     const T room = held ? -system.lambda[row] : by_direction[k] + row_product(problem_.rows, row, system.z);
     batch.for_each([&](int i) {
-      if (lane(room, i) < -tuning::near * (1.0 + lane(largest, i))) holds[at(batch.number(i))] = 0;
+      if (lane(room, i) < -tuning::near * (1.0 + lane(largest, i)))
+        active_set_constant[at(batch.number(i))] = 0;
     });
   }
 }
@@ -233,7 +235,7 @@ void BranchDerivatives::find_changes(const ProblemUpdate& by, const Batch<T>& ba
   std::vector<T> by_direction;
   for (const Index row : weak_rows_) by_direction.push_back(-system.right_lambda[row]);
   const auto solved = system.solve(batch.count());
-  report_holds(system, by_direction, batch, changes.holds);
+  report_constant_active_sets(system, by_direction, batch, changes.active_set_constant);
   const auto report = [&](const T* values, double factor, const auto& scale, Numbers& to, std::size_t size) {
     for (Index i = 0; i < static_cast<Index>(size); ++i)
       batch.write((factor * scale[i]) * values[i], to, size, i);
@@ -256,8 +258,8 @@ void BranchDerivatives::find_changes(const ProblemUpdate& by, const Batch<T>& ba
         is_finite(number, sizes_.l, changes.complementarity_multipliers_L) &&
         is_finite(number, sizes_.r, changes.complementarity_multipliers_R))
       return;
-    changes.missing.push_back(batch.number(i));
-    changes.holds[number] = 0;
+    changes.undefined.push_back(batch.number(i));
+    changes.active_set_constant[number] = 0;
     forget(number, sizes_.g, changes.z);
     forget(number, sizes_.b, changes.equality_multipliers);
     forget(number, sizes_.d, changes.inequality_multipliers);
@@ -357,7 +359,7 @@ void BranchDerivatives::find_gradients(const AnswerWeights& weights, const Batch
   found = found && is_finite(at(batch.number(i)), sizes_.letter, gradients.letter);
 #include "marble/contract.def"
     if (found) return;
-    gradients.missing.push_back(batch.number(i));
+    gradients.undefined.push_back(batch.number(i));
 #define MARBLE_VECTOR(letter, field) forget(at(batch.number(i)), sizes_.letter, gradients.letter);
 #define MARBLE_MATRIX(letter, field, values, vector) \
   forget(at(batch.number(i)), sizes_.letter, gradients.letter);

@@ -50,8 +50,9 @@ class BranchDerivatives {
   template <class T>
   [[nodiscard]] bool find_response(const RowMatrix& e, const Batch<T>& batch, RowResponse& response);
   template <class T>
-  void report_holds(const BranchSystem<T>& system, const std::vector<T>& by_direction, const Batch<T>& batch,
-                    std::vector<std::uint8_t>& holds) const;
+  void report_constant_active_sets(const BranchSystem<T>& system, const std::vector<T>& by_direction,
+                                   const Batch<T>& batch,
+                                   std::vector<std::uint8_t>& active_set_constant) const;
 
   ScaledProblem& problem_;
   const PartSizes sizes_;

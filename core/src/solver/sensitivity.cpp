@@ -116,7 +116,7 @@ Expected<AnswerChange> Sensitivity::along(const ProblemUpdate& direction) {
     return unexpected(inside("direction", valid.error()));
   auto changes = state_->counted([&](Run& run) { return state_->derivatives.along(run, {1, direction}); });
   if (!changes) return unexpected(changes.error());
-  if (!changes->missing.empty()) {
+  if (!changes->undefined.empty()) {
     return unexpected(
         failure(ErrorCode::failed_precondition, "direction",
                 "the rows of the answer's branch contradict each other along it, or it is flat"));
@@ -126,7 +126,7 @@ Expected<AnswerChange> Sensitivity::along(const ProblemUpdate& direction) {
                       std::move(changes->inequality_multipliers),
                       std::move(changes->complementarity_multipliers_L),
                       std::move(changes->complementarity_multipliers_R),
-                      changes->holds[0] != 0};
+                      changes->active_set_constant[0] != 0};
 }
 
 Expected<ProblemGradient> Sensitivity::gradient(const AnswerWeights& weights) {
@@ -135,7 +135,7 @@ Expected<ProblemGradient> Sensitivity::gradient(const AnswerWeights& weights) {
     return state_->derivatives.gradients(run, {1, weights});
   });
   if (!gradients) return unexpected(gradients.error());
-  if (!gradients->missing.empty()) {
+  if (!gradients->undefined.empty()) {
     return unexpected(failure(ErrorCode::failed_precondition, "weights",
                               "the multipliers of the answer's branch are not unique, or it is flat"));
   }

@@ -29,7 +29,7 @@ constexpr double kRounding = 1e-13;  // of the largest term of a sum of few
 constexpr double kFirstDigit = 0.1;  // of the largest term, whatever the data
 constexpr double kRelative = 1e-5;   // of what a tolerance of 1e-6 leaves, in other units
 
-// Documented as infinite, or NaN where `missing` says so.
+// Documented as infinite, or NaN where `undefined` says so.
 bool may_be_infinite(std::string_view field) {
   return field == "marble.v1.Solution.bound" || field == "marble.v1.OutOfSample.half_width" ||
          field == "marble.v1.Solution.reference_objective" ||  // that of the start

@@ -132,10 +132,10 @@ void judge_gradients(const ProblemView& p, const v1::SensitivityRequest& request
     return std::find(missing.begin(), missing.end(), k) != missing.end();
   };
   for (int k = 0; k < request.directions().count(); ++k) {
-    if (is_missing(reported.changes().missing(), k)) continue;
+    if (is_missing(reported.changes().undefined(), k)) continue;
     const Vectors change = vectors_of(p, reported.changes().vectors(), k);
     for (int loss = 0; loss < request.losses().count(); ++loss) {
-      if (is_missing(reported.gradients().missing(), loss)) continue;
+      if (is_missing(reported.gradients().undefined(), loss)) continue;
       double forward = 0.0, adjoint = 0.0, size = 1.0;
       const auto add = [&size](double& sum, const Vector& a, const Vector& b) {
         sum += a.dot(b);
@@ -255,14 +255,14 @@ void judge_derivatives(const ProblemView& view, const v1::SensitivityRequest& re
   const v1::Sensitivity& reported = answer.sensitivity();
   if (reported.has_error()) return;
   FUZZ_JUDGE(answer.status() == v1::STATUS_SOLVED || answer.status() == v1::STATUS_ALMOST_SOLVED);
-  FUZZ_JUDGE(reported.changes().holds_size() == request.directions().count());
+  FUZZ_JUDGE(reported.changes().active_set_constant_size() == request.directions().count());
   if (!is_friendly(view)) return;
   const Parts p = parts_of(view);
   const Vectors x = vectors_of(view, answer, 0);
   if (!is_exact(view, p, x, answer)) return;
   const bool directions = is_friendly_direction(request.directions().numbers());
   for (int k = 0; k < request.directions().count() && directions; ++k) {
-    const auto& missing = reported.changes().missing();
+    const auto& missing = reported.changes().undefined();
     if (std::find(missing.begin(), missing.end(), k) != missing.end()) continue;
     ++tally().derivatives;
     judge_change(p, x, direction(view, request.directions().numbers(), k),

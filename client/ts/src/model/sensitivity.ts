@@ -42,7 +42,7 @@ export interface SensitivityRequest {
 /** The change of a solution's vectors by one unit of a direction. */
 export interface AnswerChange extends Record<AnswerPart, Float64Array> {
   /** Whether the active set stays constant for small positive steps; always true if the sensitivity is smooth. */
-  holds: boolean;
+  activeSetConstant: boolean;
 }
 
 /**
@@ -75,7 +75,7 @@ export interface SensitivityAnswer {
   /** Pairs with both sides at zero, either of which may become positive. */
   biactivePairs: Int32Array;
   /**
-   * Whether there are no such rows and pairs. Else derivatives are the branch's; `holds` marks for which directions.
+   * Whether there are no such rows and pairs. Else derivatives are the branch's; `activeSetConstant` marks for which directions.
    */
   smooth: boolean;
   /** One per direction; undefined if the branch is flat along it, or if dependent rows contradict it. */
@@ -182,16 +182,16 @@ function packed<Name extends string, Values>(
 
 function changesOf({ changes }: Message): (AnswerChange | undefined)[] {
   if (changes?.vectors === undefined) return [];
-  const { vectors: all, holds } = changes;
-  const missing = new Set(unpackIntegers(changes.missing));
+  const { vectors: all, activeSetConstant } = changes;
+  const missing = new Set(unpackIntegers(changes.undefined));
   const names = Object.fromEntries(answerParts.map((part) => [part, part])) as { [Part in AnswerPart]: Part };
-  const parts = split(names, all, holds.length);
-  return parts.map((part, k) => (missing.has(k) ? undefined : { ...part, holds: holds[k] }));
+  const parts = split(names, all, activeSetConstant.length);
+  return parts.map((part, k) => (missing.has(k) ? undefined : { ...part, activeSetConstant: activeSetConstant[k] }));
 }
 
 function gradientsOf({ gradients }: Message, n: number): (ProblemGradient | undefined)[] {
   if (gradients?.numbers === undefined) return [];
-  const missing = new Set(unpackIntegers(gradients.missing));
+  const missing = new Set(unpackIntegers(gradients.undefined));
   const count = unpackDoubles(gradients.numbers.gradient).length / n;
   const parts = split({ ...vectors, ...matrixValues }, gradients.numbers, count);
   return parts.map((part, k) => (missing.has(k) ? undefined : part));

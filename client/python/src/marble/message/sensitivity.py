@@ -74,8 +74,9 @@ def answer(message: Any, arrays: records.Arrays, path: str) -> SensitivityAnswer
         {letter: array("changes.vectors." + name) for letter, name in SOLUTION_VECTORS.items()},
         {letter: array("gradients.numbers." + name) for letter, name in _NUMBERS.items()}, n, rows,
         weak_inequalities=message.weak_inequalities, biactive_pairs=message.biactive_pairs, rows_error=error,
-        holds=changes.holds, missing_changes=changes.missing, missing_gradients=gradients.missing,
-        factorizations=message.factorizations, back_substitutions=message.back_substitutions)
+        active_set_constant=changes.active_set_constant, undefined_changes=changes.undefined,
+        undefined_gradients=gradients.undefined, factorizations=message.factorizations,
+        back_substitutions=message.back_substitutions)
 
 
 def core_answer(values: dict[str, Any] | None, n: int) -> SensitivityAnswer | None:
@@ -99,5 +100,5 @@ def _answer(changes: dict[str, Vector], gradients: dict[str, Vector], n: int, ro
             **others: Any) -> SensitivityAnswer:
     losses = gradients["g"].size // max(1, n)
     return records.of_core(SensitivityAnswer, others, rows=None if rows is None else derivatives.response(*rows),
-                           changes=derivatives.by_part(changes, len(others["holds"])),
+                           changes=derivatives.by_part(changes, len(others["active_set_constant"])),
                            gradients=derivatives.by_part(gradients, losses))

@@ -22,7 +22,8 @@ ANSWER: Final = tuple(SOLUTION_VECTORS)
 class AnswerChange:
     """Changes of an answer's z and multipliers by one unit of a direction, with the names and sizes of Solution.
 
-    holds: whether the answer goes this way for small positive steps; always true where the sensitivity is smooth.
+    active_set_constant: whether the answer goes this way for small positive steps; always true where the sensitivity is
+    smooth.
     """
 
     z: Vector
@@ -30,7 +31,7 @@ class AnswerChange:
     nu: Vector
     xi: Vector
     eta: Vector
-    holds: bool
+    active_set_constant: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +78,9 @@ class SensitivityAnswer:
     error: why there are none: the answer is not solved, or no isolated exact solution of a branch; else None.
     weak_inequalities, biactive_pairs, smooth: as in Sensitivity. rows: the response of rows; rows_error: why there is
     none: the branch is flat along one, or not convex without the proximal term.
-    changes: z, y, nu, xi and eta, k × their sizes, of k directions; holds: k. gradients: by the letters of the
-    equation, k × the numbers of each part, of k losses. missing_changes, missing_gradients: those that have none,
-    whose numbers
+    changes: z, y, nu, xi and eta, k × their sizes, of k directions; active_set_constant: k. gradients: by the letters
+    of the equation, k × the numbers of each part, of k losses. undefined_changes, undefined_gradients: those that have
+    none, whose numbers
     are NaN: the branch is flat along them, or its rows depend on each other. factorizations: 0 where the solve's last
     factor was the branch's; they count in Solution.factorizations too. back_substitutions: with one factor.
     """
@@ -90,10 +91,10 @@ class SensitivityAnswer:
     rows: RowResponse | None = None
     rows_error: Error | None = None
     changes: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    holds: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
-    missing_changes: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
+    active_set_constant: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
+    undefined_changes: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     gradients: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    missing_gradients: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
+    undefined_gradients: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     factorizations: int = 0
     back_substitutions: int = 0
 
@@ -102,7 +103,7 @@ class SensitivityAnswer:
         """Whether there are neither weak inequalities nor biactive pairs."""
         return not (self.weak_inequalities.size or self.biactive_pairs.size)
 
-    def raise_if_missing(self) -> SensitivityAnswer:
+    def raise_if_undefined(self) -> SensitivityAnswer:
         """Itself; raises the error if there are no derivatives."""
         if self.error is not None:
             raise self.error
