@@ -39,9 +39,9 @@ void optima(const OneNumberScenarios& rocket) {
             rocket.scenarios(altitudes),
             {.initial_sample_size = scenarios, .max_sample_size = scenarios, .out_of_sample_scenarios = 0})
             .value();
-    const ScenarioLevel& level = answer.levels.back();
-    std::printf("%6d %10d %6d  %-10s %13.6f %15lld %10.1f\n", scenarios, level.variables, level.pairs,
-                to_string(answer.status), answer.objective, static_cast<long long>(level.factorizations),
+    const SampleAverageStage& stage = answer.stages.back();
+    std::printf("%6d %10d %6d  %-10s %13.6f %15lld %10.1f\n", scenarios, stage.variables, stage.pairs,
+                to_string(answer.status), answer.objective, static_cast<long long>(stage.factorizations),
                 cpu_ms() - begun);
     std::fflush(stdout);
   }
@@ -78,9 +78,9 @@ void chains(const OneNumberScenarios& rocket, const Settings& settings) {
     const ScenarioSolution grown = solve_scenarios(problem, {.max_sample_size = kScenarios}).value();
     const double ms = cpu_ms() - begun;
     std::int64_t factorizations = 0;
-    for (const ScenarioLevel& level : grown.levels)
+    for (const SampleAverageStage& stage : grown.stages)
       factorizations +=
-          level.factorizations + (level.out_of_sample ? level.out_of_sample->factorizations : 0);
+          stage.factorizations + (stage.out_of_sample ? stage.out_of_sample->factorizations : 0);
     const OwnedProblem whole = assemble_scenarios(problem, kScenarios).value();
     const Cold cold = solve_cold(whole, {});
     Options no_search;
@@ -112,22 +112,22 @@ void chains(const OneNumberScenarios& rocket, const Settings& settings) {
               worst(gaps), median(bare_gaps), worst(bare_gaps));
 }
 
-void levels_of(const ScenarioProblem& problem, std::int64_t most) {
+void stages_of(const ScenarioProblem& problem, std::int64_t most) {
   std::printf("%6s %10s %7s  %-10s %13s %8s %10s %9s %5s | %6s %8s %12s %10s %8s\n", "N", "variables",
               "pairs", "end", "objective", "fact.", "ms", "MB", "warm", "out_of_sample", "without", "mean",
               "+-", "fact.");
   ScenarioSettings settings{.max_sample_size = most};
-  settings.level = [](const ScenarioLevel& level) {
+  settings.stage = [](const SampleAverageStage& stage) {
     std::printf("%6lld %10d %7d  %-10s %13.6f %8lld %10.1f %9.1f %5s |",
-                static_cast<long long>(level.scenarios), level.variables, level.pairs,
-                to_string(level.status), level.objective, static_cast<long long>(level.factorizations),
-                1e3 * level.seconds, 1e-6 * static_cast<double>(level.memory_bytes),
-                level.warm ? "yes" : "no");
-    if (level.out_of_sample)
-      std::printf(" %6lld %8lld %12.6f %10.4f %8lld", static_cast<long long>(level.out_of_sample->scenarios),
-                  static_cast<long long>(level.out_of_sample->infeasible), level.out_of_sample->mean,
-                  level.out_of_sample->half_width,
-                  static_cast<long long>(level.out_of_sample->factorizations));
+                static_cast<long long>(stage.scenarios), stage.variables, stage.pairs,
+                to_string(stage.status), stage.objective, static_cast<long long>(stage.factorizations),
+                1e3 * stage.seconds, 1e-6 * static_cast<double>(stage.memory_bytes),
+                stage.warm ? "yes" : "no");
+    if (stage.out_of_sample)
+      std::printf(" %6lld %8lld %12.6f %10.4f %8lld", static_cast<long long>(stage.out_of_sample->scenarios),
+                  static_cast<long long>(stage.out_of_sample->infeasible), stage.out_of_sample->mean,
+                  stage.out_of_sample->half_width,
+                  static_cast<long long>(stage.out_of_sample->factorizations));
     std::printf("\n");
     std::fflush(stdout);
   };
@@ -145,12 +145,12 @@ void scenarios(const Settings& settings) {
   if (wanted("chains")) chains(rocket, settings);
   if (wanted("many")) {
     std::printf("rocket, 1 to 256 altitudes at random\n");
-    levels_of(rocket.scenarios(draws(settings.judging ? 2 : 1, 288, 3.0, 4.8)), 256);
+    stages_of(rocket.scenarios(draws(settings.judging ? 2 : 1, 288, 3.0, 4.8)), 256);
   }
   if (wanted("hopper")) {
     const OneNumberScenarios hopper = examples::hopper_by_friction({.steps = 20});
     std::printf("hopper of 20 steps, 1 to 16 frictions at random between 0.1 and 0.5\n");
-    levels_of(hopper.scenarios(draws(settings.judging ? 2 : 1, 32, 0.1, 0.5)), 16);
+    stages_of(hopper.scenarios(draws(settings.judging ? 2 : 1, 32, 0.1, 0.5)), 16);
   }
 }
 

@@ -293,7 +293,7 @@ void to_message(const Progress& progress, v1::Progress* message) {
   message->set_regularization(progress.regularization);
   message->set_factorizations(progress.factorizations);
   message->set_elapsed_s(progress.elapsed_s);
-  message->set_level(progress.level);
+  message->set_stage(progress.stage);
   message->set_scenarios(progress.scenarios);
   tree_to_message(progress, message);
 }
@@ -311,7 +311,7 @@ Progress progress_of(const v1::Progress& message) {
   progress.regularization = message.regularization();
   progress.factorizations = message.factorizations();
   progress.elapsed_s = message.elapsed_s();
-  progress.level = message.level();
+  progress.stage = message.stage();
   progress.scenarios = message.scenarios();
   take_tree(message, progress);
   progress.z = span_of(message.z());

@@ -203,47 +203,47 @@ void to_message(const ScenarioSampler& sampler, v1::ScenarioSampler* message) {
   }
 }
 
-void to_message(const ScenarioLevel& level, v1::ScenarioLevel* message) {
-  message->set_level(level.level);
-  message->set_scenarios(level.scenarios);
-  message->set_status(to_message(level.status));
-  message->set_detail(level.detail);
-  message->set_objective(level.objective);
-  message->set_variables(level.variables);
-  message->set_pairs(level.pairs);
-  message->set_factorizations(level.factorizations);
-  message->set_seconds(level.seconds);
-  message->set_warm(level.warm);
-  message->set_searched(level.searched);
-  message->set_memory_bytes(level.memory_bytes);
-  if (!level.out_of_sample) return;
+void to_message(const SampleAverageStage& stage, v1::SampleAverageStage* message) {
+  message->set_stage(stage.stage);
+  message->set_scenarios(stage.scenarios);
+  message->set_status(to_message(stage.status));
+  message->set_detail(stage.detail);
+  message->set_objective(stage.objective);
+  message->set_variables(stage.variables);
+  message->set_pairs(stage.pairs);
+  message->set_factorizations(stage.factorizations);
+  message->set_seconds(stage.seconds);
+  message->set_warm(stage.warm);
+  message->set_searched(stage.searched);
+  message->set_memory_bytes(stage.memory_bytes);
+  if (!stage.out_of_sample) return;
   v1::OutOfSample* out_of_sample = message->mutable_out_of_sample();
-  out_of_sample->set_scenarios(level.out_of_sample->scenarios);
-  out_of_sample->set_infeasible(level.out_of_sample->infeasible);
-  out_of_sample->set_mean(level.out_of_sample->mean);
-  out_of_sample->set_half_width(level.out_of_sample->half_width);
-  out_of_sample->set_factorizations(level.out_of_sample->factorizations);
-  out_of_sample->set_seconds(level.out_of_sample->seconds);
+  out_of_sample->set_scenarios(stage.out_of_sample->scenarios);
+  out_of_sample->set_infeasible(stage.out_of_sample->infeasible);
+  out_of_sample->set_mean(stage.out_of_sample->mean);
+  out_of_sample->set_half_width(stage.out_of_sample->half_width);
+  out_of_sample->set_factorizations(stage.out_of_sample->factorizations);
+  out_of_sample->set_seconds(stage.out_of_sample->seconds);
 }
 
-ScenarioLevel scenario_level_of(const v1::ScenarioLevel& message) {
-  ScenarioLevel level{.level = message.level(),
-                      .scenarios = message.scenarios(),
-                      .status = status_of(message.status()),
-                      .detail = message.detail(),
-                      .objective = message.objective(),
-                      .variables = message.variables(),
-                      .pairs = message.pairs(),
-                      .factorizations = message.factorizations(),
-                      .seconds = message.seconds(),
-                      .warm = message.warm(),
-                      .searched = message.searched(),
-                      .memory_bytes = message.memory_bytes()};
-  if (!message.has_out_of_sample()) return level;
+SampleAverageStage sample_average_stage_of(const v1::SampleAverageStage& message) {
+  SampleAverageStage stage{.stage = message.stage(),
+                           .scenarios = message.scenarios(),
+                           .status = status_of(message.status()),
+                           .detail = message.detail(),
+                           .objective = message.objective(),
+                           .variables = message.variables(),
+                           .pairs = message.pairs(),
+                           .factorizations = message.factorizations(),
+                           .seconds = message.seconds(),
+                           .warm = message.warm(),
+                           .searched = message.searched(),
+                           .memory_bytes = message.memory_bytes()};
+  if (!message.has_out_of_sample()) return stage;
   const v1::OutOfSample& out_of_sample = message.out_of_sample();
-  level.out_of_sample = {out_of_sample.scenarios(),  out_of_sample.infeasible(),     out_of_sample.mean(),
+  stage.out_of_sample = {out_of_sample.scenarios(),  out_of_sample.infeasible(),     out_of_sample.mean(),
                          out_of_sample.half_width(), out_of_sample.factorizations(), out_of_sample.seconds()};
-  return level;
+  return stage;
 }
 
 void to_message(const ScenarioSolution& answer, v1::ScenarioOutcome* message) {
@@ -251,7 +251,7 @@ void to_message(const ScenarioSolution& answer, v1::ScenarioOutcome* message) {
   message->set_scenarios(answer.scenarios);
   message->set_first_stage(static_cast<std::int32_t>(answer.x.size()));
   message->mutable_infeasible()->Assign(answer.infeasible.begin(), answer.infeasible.end());
-  for (const ScenarioLevel& level : answer.levels) to_message(level, message->add_levels());
+  for (const SampleAverageStage& stage : answer.stages) to_message(stage, message->add_stages());
 }
 
 ScenarioSolution scenario_solution_of(const v1::Solution& message) {
@@ -267,7 +267,8 @@ ScenarioSolution scenario_solution_of(const v1::Solution& message) {
   answer.violations = answer.solution.violations;
   answer.scenarios = outcome.scenarios();
   answer.infeasible.assign(outcome.infeasible().begin(), outcome.infeasible().end());
-  for (const v1::ScenarioLevel& level : outcome.levels()) answer.levels.push_back(scenario_level_of(level));
+  for (const v1::SampleAverageStage& stage : outcome.stages())
+    answer.stages.push_back(sample_average_stage_of(stage));
   const std::vector<double>& z = answer.solution.z;
   const std::size_t plan = std::min(z.size(), static_cast<std::size_t>(std::max(outcome.first_stage(), 0)));
   answer.x.assign(z.begin(), z.begin() + static_cast<std::ptrdiff_t>(plan));

@@ -119,14 +119,14 @@ bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
     event->mutable_started()->set_queue_s(*std::exchange(queue_s_, std::nullopt));
     return true;
   }
-  if (levels_.empty()) {
-    const auto levels = job_->record->levels_from(reported_levels_);
-    levels_.assign(levels.begin(), levels.end());
-    reported_levels_ += levels.size();
+  if (stages_.empty()) {
+    const auto stages = job_->record->stages_from(reported_stages_);
+    stages_.assign(stages.begin(), stages.end());
+    reported_stages_ += stages.size();
   }
-  if (!levels_.empty()) {
-    to_message(levels_.front(), event->mutable_level());
-    levels_.pop_front();
+  if (!stages_.empty()) {
+    to_message(stages_.front(), event->mutable_stage());
+    stages_.pop_front();
     return true;
   }
   const bool quiet = !over_ && slot_.is_quiet();

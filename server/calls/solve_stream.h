@@ -61,17 +61,17 @@ class SolveStreamCall final
   ProgressSlot slot_;
   double last_progress_s_ = -1.0;  // used by the worker only
 
-  std::size_t reported_levels_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::deque<ScenarioLevel> levels_ ABSL_GUARDED_BY(mutex_);  // not sent yet
-  bool admitted_ ABSL_GUARDED_BY(mutex_) = false;             // its place is known
-  bool accepted_ ABSL_GUARDED_BY(mutex_) = false;             // was sent
-  bool started_ ABSL_GUARDED_BY(mutex_) = false;              // a worker runs the job: its place is outdated
-  QueuePlace reported_place_ ABSL_GUARDED_BY(mutex_);         // the newest place that was sent
-  std::optional<QueuePlace> place_ ABSL_GUARDED_BY(mutex_);   // accepted or moved, not sent yet
-  std::optional<double> queue_s_ ABSL_GUARDED_BY(mutex_);     // started, not sent yet
-  std::optional<Outcome> outcome_ ABSL_GUARDED_BY(mutex_);    // finished, not sent yet
-  grpc::Status status_ ABSL_GUARDED_BY(mutex_);               // of a job that has finished
-  bool over_ ABSL_GUARDED_BY(mutex_) = false;                 // the job has finished
+  std::size_t reported_stages_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::deque<SampleAverageStage> stages_ ABSL_GUARDED_BY(mutex_);  // not sent yet
+  bool admitted_ ABSL_GUARDED_BY(mutex_) = false;                  // its place is known
+  bool accepted_ ABSL_GUARDED_BY(mutex_) = false;                  // was sent
+  bool started_ ABSL_GUARDED_BY(mutex_) = false;             // a worker runs the job: its place is outdated
+  QueuePlace reported_place_ ABSL_GUARDED_BY(mutex_);        // the newest place that was sent
+  std::optional<QueuePlace> place_ ABSL_GUARDED_BY(mutex_);  // accepted or moved, not sent yet
+  std::optional<double> queue_s_ ABSL_GUARDED_BY(mutex_);    // started, not sent yet
+  std::optional<Outcome> outcome_ ABSL_GUARDED_BY(mutex_);   // finished, not sent yet
+  grpc::Status status_ ABSL_GUARDED_BY(mutex_);              // of a job that has finished
+  bool over_ ABSL_GUARDED_BY(mutex_) = false;                // the job has finished
 };
 
 }  // namespace marble::server

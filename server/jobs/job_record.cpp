@@ -63,17 +63,17 @@ void JobRecord::report(const Progress& progress) {
   changes_.fetch_add(1, std::memory_order_release);
 }
 
-void JobRecord::add_level(const ScenarioLevel& level) {
+void JobRecord::add_stage(const SampleAverageStage& stage) {
   const MutexLock lock(mutex_);
-  snapshot_.levels.push_back(level);
-  snapshot_.levels.back().x = {};  // borrowed from the caller
+  snapshot_.stages.push_back(stage);
+  snapshot_.stages.back().x = {};  // borrowed from the caller
   changed();
 }
 
-std::vector<ScenarioLevel> JobRecord::levels_from(std::size_t first) const {
+std::vector<SampleAverageStage> JobRecord::stages_from(std::size_t first) const {
   const MutexLock lock(mutex_);
-  const std::vector<ScenarioLevel>& levels = snapshot_.levels;
-  return {levels.begin() + static_cast<std::ptrdiff_t>(std::min(first, levels.size())), levels.end()};
+  const std::vector<SampleAverageStage>& stages = snapshot_.stages;
+  return {stages.begin() + static_cast<std::ptrdiff_t>(std::min(first, stages.size())), stages.end()};
 }
 
 template <class Reported>

@@ -79,7 +79,7 @@ struct JobSnapshot {
   double queue_s = 0.0, total_s = 0.0;
   std::int64_t updates = 0;
   std::int64_t memory_bytes = 0, result_bytes = 0;
-  std::vector<ScenarioLevel> levels = {};                   ///< levels of a scenario solve, without x
+  std::vector<SampleAverageStage> stages = {};              ///< stages of a scenario solve, without x
   std::string detail = {};                                  ///< the numbers that justify the status
   std::shared_ptr<const Infeasibility> infeasibility = {};  ///< null unless the status is infeasible
   std::optional<ArrayCounts> array = {};                    ///< set only for an array
@@ -109,10 +109,11 @@ class JobRecord final : public ProgressSink {
   /// The current activity of its solve.
   [[nodiscard]] ActivityMonitor& activity() { return activity_; }
   [[nodiscard]] const ActivityMonitor& activity() const { return activity_; }
-  /// Adds a finished level of a scenario solve.
-  void add_level(const ScenarioLevel& level) ABSL_LOCKS_EXCLUDED(mutex_);
-  /// Returns the levels from number `first` on.
-  [[nodiscard]] std::vector<ScenarioLevel> levels_from(std::size_t first) const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Adds a finished stage of a scenario solve.
+  void add_stage(const SampleAverageStage& stage) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Returns the stages from number `first` on.
+  [[nodiscard]] std::vector<SampleAverageStage> stages_from(std::size_t first) const
+      ABSL_LOCKS_EXCLUDED(mutex_);
   /// Records the end of one solve of a session.
   void answered(const Expected<Solution>& solution, double total_s) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Records the end of the job.

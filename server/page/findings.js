@@ -47,7 +47,7 @@ export function explain(job, options, rows, solution = null) {
 
 // A JobInfo contains only `proved`; stationarity and second-order tests are part of the solution.
 function kindOfSolution(job, options, solution) {
-  if (job.state !== "finished" || job.scenario_levels.length > 0) return [];
+  if (job.state !== "finished" || job.sample_average_stages.length > 0) return [];
   const untested = solution === null && job.status === "solved" && !job.proved;
   const { max_local_search_factorizations: maxLocalSearchFactorizations, num_starts: numStarts, effort } = options ?? {};
   const facts = {

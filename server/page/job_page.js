@@ -26,7 +26,7 @@ export function buildJobPage(place, id) {
     noPairs: make("p", { class: "empty", id: "no-pairs" }),
     timings: make("div", { id: "timings", hidden: true }),
     noTimings: make("p", { class: "empty" }, "Available when the job has finished."),
-    levels: make("div", { id: "levels", class: "scroll", hidden: true }),
+    stages: make("div", { id: "stages", class: "scroll", hidden: true }),
     violations: make("div", { id: "violations" }),
     facts: make("dl", { class: "facts wide", id: "facts" }),
     options: make("div", { id: "options" }),
@@ -48,7 +48,7 @@ export function buildJobPage(place, id) {
     parts.bundle,
     parts.cancel,
   );
-  const convergence = panel("Convergence", "convergence-panel", parts.axis, parts.levels, parts.convergence, parts.noRows, parts.table);
+  const convergence = panel("Convergence", "convergence-panel", parts.axis, parts.stages, parts.convergence, parts.noRows, parts.table);
   parts.page = make(
     "article",
     { class: "job-page" },

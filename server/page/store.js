@@ -45,18 +45,18 @@ export function toJob(info) {
     error: Number(info.error?.code ?? 0) !== 0 ? info.error : null,
     proved: info.proved === true,
     times: numbers(info.times, TIMES),
-    scenario_levels: (info.scenario_levels ?? []).map(toLevel),
+    sample_average_stages: (info.sample_average_stages ?? []).map(toStage),
     activity: { text: info.activity?.text ?? "", ...numbers(info.activity, ["done", "total"]) },
     received: performance.now(),
     spark: null,
   };
 }
 
-function toLevel(level) {
+function toStage(stage) {
   return {
-    ...numbers(level, ["scenarios", "objective", "factorizations", "seconds"]),
-    status: short(level.status, "STATUS_"),
-    out_of_sample: level.out_of_sample ? numbers(level.out_of_sample, ["scenarios", "infeasible", "mean", "half_width"]) : null,
+    ...numbers(stage, ["scenarios", "objective", "factorizations", "seconds"]),
+    status: short(stage.status, "STATUS_"),
+    out_of_sample: stage.out_of_sample ? numbers(stage.out_of_sample, ["scenarios", "infeasible", "mean", "half_width"]) : null,
   };
 }
 

@@ -68,7 +68,7 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
   to_message(now.violations, message->mutable_violations());
   tree_to_message(now, message);
   message->set_proved(now.proved);
-  for (const ScenarioLevel& level : now.levels) to_message(level, message->add_scenario_levels());
+  for (const SampleAverageStage& stage : now.stages) to_message(stage, message->add_sample_average_stages());
   const bool under_way = now.state == JobState::queued || now.state == JobState::running;
   const double age_s =
       std::chrono::duration<double>(std::chrono::system_clock::now() - what.accepted).count();
@@ -144,8 +144,8 @@ JobSnapshot snapshot_of(const v1::JobInfo& message) {
   now.violations = violations_of(message.violations());
   take_tree(message, now);
   now.proved = message.proved();
-  for (const v1::ScenarioLevel& level : message.scenario_levels())
-    now.levels.push_back(scenario_level_of(level));
+  for (const v1::SampleAverageStage& stage : message.sample_average_stages())
+    now.stages.push_back(sample_average_stage_of(stage));
   const v1::Times& times = message.times();
   now.times.setup_s = times.setup_s();
   now.times.factorization_s = times.factorization_s();

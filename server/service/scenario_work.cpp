@@ -20,15 +20,15 @@ Error named(Error error) {
   return inside(kField, std::move(error));
 }
 
-// Number of levels up to `most` scenarios, or one more than a job may have.
-int levels_of(const ScenarioSettings& settings, std::int64_t most) {
-  int levels = 1;
+// Number of stages up to `most` scenarios, or one more than a job may have.
+int stages_of(const ScenarioSettings& settings, std::int64_t most) {
+  int stages = 1;
   double size = static_cast<double>(settings.initial_sample_size);
-  while (size < static_cast<double>(most) && levels <= contract::most_levels) {
+  while (size < static_cast<double>(most) && stages <= contract::most_stages) {
     size = std::max(size * settings.growth, std::ceil(size) + 1.0);
-    ++levels;
+    ++stages;
   }
-  return levels;
+  return stages;
 }
 
 Expected<void> check_size(const Config& config, const ScenarioProblem& problem,
@@ -41,11 +41,11 @@ Expected<void> check_size(const Config& config, const ScenarioProblem& problem,
                               "must be at most " + std::to_string(config.scenarios) +
                                   " together (the server's limit \"scenarios\")"));
   const std::int64_t most = std::min(settings.max_sample_size, problem.scenarios);
-  if (levels_of(settings, most) > contract::most_levels)
+  if (stages_of(settings, most) > contract::most_stages)
     return unexpected(invalid(
         "growth", std::to_string(settings.growth),
-        "must be so large that there are at most " + std::to_string(contract::most_levels) + " levels"));
-  return check_first_level(problem, settings, config.solve_bytes);
+        "must be so large that there are at most " + std::to_string(contract::most_stages) + " stages"));
+  return check_initial_sample(problem, settings, config.solve_bytes);
 }
 
 }  // namespace
@@ -65,7 +65,7 @@ Expected<void> set_scenario_work(const Config& config, std::shared_ptr<const v1:
   take_settings(message, settings);
   if (auto valid = check_scenarios(problem, settings); !valid) return unexpected(named(valid.error()));
   if (auto fits = check_size(config, problem, settings); !fits) return unexpected(named(fits.error()));
-  settings.level = [record = job.record](const ScenarioLevel& level) { record->add_level(level); };
+  settings.stage = [record = job.record](const SampleAverageStage& stage) { record->add_stage(stage); };
   const auto answer = std::make_shared<ScenarioSolution>();
   job.also = [answer](v1::Solution* solution) { to_message(*answer, solution->mutable_scenarios()); };
   // The problem borrows the message's arrays.

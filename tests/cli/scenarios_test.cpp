@@ -31,7 +31,7 @@ class ScenarioCommand : public Cli {
   ServerProcess server_{MARBLE_SERVER_BINARY};
 };
 
-TEST_F(ScenarioCommand, ReportsALineALevelAndThenThePlan) {
+TEST_F(ScenarioCommand, ReportsALineAStageAndThenThePlan) {
   const std::string arrays =
       samples("l=[[float(d)] for d in (1, 9, 3, 7, 2, 8, 4, 6)], first_stage=[0], weights=[1.0] * 8");
   const Result text = marble("--samples " + arrays);

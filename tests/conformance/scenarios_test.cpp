@@ -26,7 +26,7 @@ class ClientScenarios : public ::testing::Test {
 TEST_F(ClientScenarios, HaveTheSameBitsThereAndHere) {
   std::vector<std::int64_t> reported;
   ScenarioSettings settings{.max_sample_size = 4};
-  settings.level = [&](const ScenarioLevel& level) { reported.push_back(level.scenarios); };
+  settings.stage = [&](const SampleAverageStage& stage) { reported.push_back(stage.scenarios); };
   const auto there = there_.solve_scenarios(scenarios(), settings);
   ASSERT_TRUE(there) << there.error().message();
   EXPECT_EQ(reported, (std::vector<std::int64_t>{1, 2, 4}));
@@ -38,9 +38,9 @@ TEST_F(ClientScenarios, HaveTheSameBitsThereAndHere) {
   EXPECT_EQ(there->x, here->x);
   EXPECT_EQ(there->recourse, here->recourse);
   EXPECT_EQ(there->solution.complementarity_multipliers_L, here->solution.complementarity_multipliers_L);
-  ASSERT_EQ(there->levels.size(), here->levels.size());
-  for (std::size_t k = 0; k < here->levels.size(); ++k)
-    EXPECT_EQ(there->levels[k].out_of_sample->mean, here->levels[k].out_of_sample->mean);
+  ASSERT_EQ(there->stages.size(), here->stages.size());
+  for (std::size_t k = 0; k < here->stages.size(); ++k)
+    EXPECT_EQ(there->stages[k].out_of_sample->mean, here->stages[k].out_of_sample->mean);
 }
 
 TEST_F(ClientScenarios, MayBeDrawnThere) {
@@ -57,21 +57,21 @@ TEST_F(ClientScenarios, MayBeDrawnThere) {
   ASSERT_TRUE(here) << here.error().message();
   EXPECT_EQ(there->x, here->x);
   EXPECT_EQ(there->objective, here->objective);
-  EXPECT_EQ(there->levels.back().out_of_sample->half_width, here->levels.back().out_of_sample->half_width);
+  EXPECT_EQ(there->stages.back().out_of_sample->half_width, here->stages.back().out_of_sample->half_width);
 }
 
 TEST_F(ClientScenarios, MayBeSubmittedAndWatched) {
   const auto job = there_.jobs().submit(scenarios(), ScenarioSettings{.max_sample_size = 4});
   ASSERT_TRUE(job) << job.error().message();
-  std::vector<ScenarioLevel> levels;
+  std::vector<SampleAverageStage> stages;
   const auto watched =
-      there_.jobs().watch(job->job_id, [&](const JobEvent& event) { levels = event.job.levels; });
+      there_.jobs().watch(job->job_id, [&](const JobEvent& event) { stages = event.job.stages; });
   ASSERT_TRUE(watched) << watched.error().message();
-  ASSERT_EQ(levels.size(), 3u);
+  ASSERT_EQ(stages.size(), 3u);
   const auto answer = there_.jobs().scenarios(job->job_id, {.wait = true});
   ASSERT_TRUE(answer) << answer.error().message();
   EXPECT_EQ(answer->scenarios, 4);
-  EXPECT_EQ(answer->objective, levels.back().objective);
+  EXPECT_EQ(answer->objective, stages.back().objective);
   const OwnedProblem base = rocket_.base;
   const auto plain = there_.jobs().submit(base.view());
   ASSERT_TRUE(plain);

@@ -390,7 +390,7 @@ class Page(unittest.TestCase):
         content = self.browser.run("""
           return import("/assets/findings.js").then(({ explain }) => arguments[0].map(({ options, ...case_ }) => {
             const job = { state: "finished", status: "solved", proved: false, nodes: 0, pairs: 2, objective: 1, gap: Infinity,
-              scenario_levels: [], times: {}, iterations: 1, updates: 0, equality: 0, inequality: 0, complementarity: 0, ...case_ };
+              sample_average_stages: [], times: {}, iterations: 1, updates: 0, equality: 0, inequality: 0, complementarity: 0, ...case_ };
             return explain(job, options, [], { second_order: "SECOND_ORDER_NECESSARY" }).lines.join(" ");
           }));""", table)
         self.assertEqual(["has spent max_local_search_factorizations" in text for text in content], [case["spent"] for case in table])
@@ -480,7 +480,7 @@ class Page(unittest.TestCase):
         self.assertFalse(self.browser.find("#proof-plot").is_displayed())
         self.assertEqual(self.browser.complaints(), [])
 
-    def test_a_problem_with_scenarios_shows_its_levels_and_intervals(self):
+    def test_a_problem_with_scenarios_shows_its_stages_and_intervals(self):
         server = self.start()
         shop, demand = server.folder / "shop.json", server.folder / "demand.json"
         shop.write_text(json.dumps({"name": "shop", "n": 2, "g": [1, -3],
@@ -490,24 +490,24 @@ class Page(unittest.TestCase):
         demand.write_text(json.dumps({"seed": 7, "first_stage": [0], "quantities": [
             {"location": -5, "scale": 10, "effects": [{"part": "l"}]}]}))
         content = server.run("scenarios", "--output", "json", "--initial-sample-size", "8", "--max-sample-size", "256", "--sampler", demand, shop)
-        levels = [json.loads(line) for line in content.splitlines()][:-1]
+        stages = [json.loads(line) for line in content.splitlines()][:-1]
         [job] = server.jobs()
         self.open(server, f"/#/jobs/{job['job_id']}")
         self.browser.wait_text("#job-status", "solved")
-        self.browser.wait(f"return document.querySelectorAll('#levels tbody tr').length === {len(levels)}")
+        self.browser.wait(f"return document.querySelectorAll('#stages tbody tr').length === {len(stages)}")
         rows = self.browser.driver.execute_script(
-            "return [...document.querySelectorAll('#levels tbody tr')].map((row) => [...row.children].map((c) => c.textContent))")
-        self.assertEqual([row[0] for row in rows], [str(level["scenarios"]) for level in levels])
-        for row, level in zip(rows, levels):
-            self.assertAlmostEqual(float(row[2].replace("\u2212", "-")), level["objective"], delta=1e-3)
+            "return [...document.querySelectorAll('#stages tbody tr')].map((row) => [...row.children].map((c) => c.textContent))")
+        self.assertEqual([row[0] for row in rows], [str(stage["scenarios"]) for stage in stages])
+        for row, stage in zip(rows, stages):
+            self.assertAlmostEqual(float(row[2].replace("\u2212", "-")), stage["objective"], delta=1e-3)
         widths = self.browser.driver.execute_script(
             "return [...document.querySelectorAll('.interval-bar')].map((bar) => parseFloat(bar.style.width))")
-        self.assertEqual(len(widths), len(levels))
-        self.assertLess(widths[-2], 0.5 * widths[0], "the interval closes; after the last level few scenarios are sampled")
+        self.assertEqual(len(widths), len(stages))
+        self.assertLess(widths[-2], 0.5 * widths[0], "the interval closes; after the last stage few scenarios are sampled")
         server.run("solve", "--quiet", server.tiny())
         self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
         self.browser.wait(DRAWN, "#convergence")
-        self.assertFalse(self.browser.find("#levels").is_displayed())
+        self.assertFalse(self.browser.find("#stages").is_displayed())
         self.assertEqual(self.browser.complaints(), [])
 
     def test_a_running_job_is_updated(self):

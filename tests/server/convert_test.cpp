@@ -255,7 +255,7 @@ TEST(Convert, ProgressComesBackAsItWas) {
                              .gap = 16.0,
                              .nodes = 17,
                              .open_nodes = 18,
-                             .level = 19,
+                             .stage = 19,
                              .scenarios = 20,
                              .z = {}};
   v1::Progress message;

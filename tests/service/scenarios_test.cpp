@@ -1,4 +1,4 @@
-// SolveScenarios: one plan for many scenarios, level by level.
+// SolveScenarios: one plan for many scenarios, stage by stage.
 #include <algorithm>
 #include <functional>
 #include <limits>
@@ -33,15 +33,15 @@ class Scenarios : public JobsServiceTest {
     EXPECT_TRUE(to_message(problem, problem.scenarios, result.mutable_scenarios()));
     return result;
   }
-  /// Levels that do not come to their end while a test looks.
-  [[nodiscard]] static v1::SolveRequest long_levels() {
+  /// Stages that do not come to their end while a test looks.
+  [[nodiscard]] static v1::SolveRequest long_stages() {
     return request(altitudes(1999), {.growth = 1.1, .max_sample_size = 1999, .out_of_sample_scenarios = 0});
   }
 
   const TemporaryDirectory directory_;
 
   struct Reported {
-    std::vector<v1::ScenarioLevel> levels;
+    std::vector<v1::SampleAverageStage> stages;
     v1::SolveResponse result;
     grpc::Status status;
     std::int64_t rows = 0;
@@ -53,7 +53,7 @@ class Scenarios : public JobsServiceTest {
     const auto reader = solver().SolveScenarios(&context, request);
     Reported reported;
     for (Event event; reader->Read(&event);) {
-      if (event.has_level()) reported.levels.push_back(event.level());
+      if (event.has_stage()) reported.stages.push_back(event.stage());
       if (event.has_result()) reported.result = event.result();
       for (const v1::Progress& row : event.progress().rows()) {
         EXPECT_GE(row.scenarios(), 1);
@@ -77,37 +77,37 @@ class Scenarios : public JobsServiceTest {
     EXPECT_EQ(there.recourse, here.recourse);
     EXPECT_EQ(there.objective, here.objective);
     EXPECT_EQ(there.solution.iterations, here.solution.iterations);
-    ASSERT_EQ(there.levels.size(), here.levels.size());
-    for (std::size_t k = 0; k < here.levels.size(); ++k) {
-      EXPECT_EQ(there.levels[k].factorizations, here.levels[k].factorizations);
-      EXPECT_EQ(there.levels[k].out_of_sample->mean, here.levels[k].out_of_sample->mean);
-      EXPECT_EQ(there.levels[k].out_of_sample->half_width, here.levels[k].out_of_sample->half_width);
+    ASSERT_EQ(there.stages.size(), here.stages.size());
+    for (std::size_t k = 0; k < here.stages.size(); ++k) {
+      EXPECT_EQ(there.stages[k].factorizations, here.stages[k].factorizations);
+      EXPECT_EQ(there.stages[k].out_of_sample->mean, here.stages[k].out_of_sample->mean);
+      EXPECT_EQ(there.stages[k].out_of_sample->half_width, here.stages[k].out_of_sample->half_width);
     }
   }
 };
 
-TEST_F(Scenarios, ReportLevelsAndThenTheAnswer) {
+TEST_F(Scenarios, ReportStagesAndThenTheAnswer) {
   start();
   const Reported reported = solve_scenarios(request(altitudes(8), {.max_sample_size = 8}));
   ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
   std::vector<std::int64_t> sizes;
-  for (const v1::ScenarioLevel& level : reported.levels) sizes.push_back(level.scenarios());
+  for (const v1::SampleAverageStage& stage : reported.stages) sizes.push_back(stage.scenarios());
   EXPECT_EQ(sizes, (std::vector<std::int64_t>{1, 2, 4, 8}));
-  EXPECT_GT(reported.levels[1].out_of_sample().half_width(), 0.0);
-  EXPECT_FALSE(reported.levels[3].has_out_of_sample()) << "there are no scenarios but these";
+  EXPECT_GT(reported.stages[1].out_of_sample().half_width(), 0.0);
+  EXPECT_FALSE(reported.stages[3].has_out_of_sample()) << "there are no scenarios but these";
   EXPECT_GE(reported.rows, 1);
   const v1::Solution& solution = reported.result.solution();
   EXPECT_EQ(solution.status(), v1::STATUS_SOLVED);
   EXPECT_EQ(solution.scenarios().end(), v1::SCENARIO_END_SAMPLES);
   EXPECT_EQ(solution.scenarios().scenarios(), 8);
   EXPECT_EQ(solution.scenarios().first_stage(), static_cast<int>(rocket.first_stage.size()));
-  EXPECT_EQ(solution.scenarios().levels_size(), 4);
-  EXPECT_EQ(solution.z_size(), reported.levels[3].variables()) << "the plan, then each scenario's recourse";
-  EXPECT_EQ(solution.complementarity_multipliers_l_size(), reported.levels[3].pairs());
+  EXPECT_EQ(solution.scenarios().stages_size(), 4);
+  EXPECT_EQ(solution.z_size(), reported.stages[3].variables()) << "the plan, then each scenario's recourse";
+  EXPECT_EQ(solution.complementarity_multipliers_l_size(), reported.stages[3].pairs());
   EXPECT_TRUE(eventually_idle());
   const v1::JobInfo job = get(reported.result.job_id()).job();
   EXPECT_EQ(job.kind(), v1::JOB_KIND_SCENARIOS);
-  EXPECT_EQ(job.scenario_levels_size(), 4);
+  EXPECT_EQ(job.sample_average_stages_size(), 4);
 }
 
 TEST_F(Scenarios, HaveCoresBitsOnOneWorker) { expect_cores_bits("1"); }
@@ -121,7 +121,7 @@ TEST_F(Scenarios, NameTheScenarioThatHasNoPlan) {
   EXPECT_EQ(outcome.end(), v1::SCENARIO_END_NOT_SOLVED);
   ASSERT_EQ(outcome.infeasible_size(), 1);
   EXPECT_EQ(outcome.infeasible(0), 2);
-  EXPECT_EQ(outcome.scenarios(), 2) << "the plan of the level before stays";
+  EXPECT_EQ(outcome.scenarios(), 2) << "the plan of the stage before stays";
   EXPECT_GT(reported.result.solution().z_size(), 0);
 }
 
@@ -156,14 +156,14 @@ TEST_F(Scenarios, AnswerWithTheNewestPlanWhenTheyAreReported) {
   start({"--workers", "1"});
   grpc::ClientContext context;
   v1::SolveStreamRequest request;
-  *request.mutable_solve() = long_levels();
+  *request.mutable_solve() = long_stages();
   const auto reader = solver().SolveScenarios(&context, request);
   std::string id;
   v1::SolveResponse result;
   bool reported = false;
   for (Event event; reader->Read(&event);) {
     if (event.has_accepted()) id = event.accepted().job_id();
-    if (event.has_level() && !std::exchange(reported, true)) {
+    if (event.has_stage() && !std::exchange(reported, true)) {
       EXPECT_TRUE(cancel(id).ok());
     }
     if (event.has_result()) result = event.result();
@@ -179,9 +179,9 @@ TEST_F(Scenarios, FreeTheirWorkerWhenTheirClientGoes) {
   start({"--workers", "1"});
   grpc::ClientContext context;
   v1::SolveStreamRequest request;
-  *request.mutable_solve() = long_levels();
+  *request.mutable_solve() = long_stages();
   const auto reader = solver().SolveScenarios(&context, request);
-  for (Event event; reader->Read(&event) && !event.has_level();) {
+  for (Event event; reader->Read(&event) && !event.has_stage();) {
   }
   context.TryCancel();
   EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::CANCELLED);
@@ -191,7 +191,7 @@ TEST_F(Scenarios, FreeTheirWorkerWhenTheirClientGoes) {
 
 TEST_F(Scenarios, EndWhenTheirTimeIsUp) {
   start();
-  v1::SolveRequest limited = long_levels();
+  v1::SolveRequest limited = long_stages();
   limited.mutable_options()->set_time_limit_s(0.2);
   const Reported reported = solve_scenarios(limited);
   ASSERT_TRUE(reported.status.ok()) << reported.status.error_message();
@@ -205,7 +205,7 @@ TEST_F(Scenarios, MayBeSubmitted) {
   v1::SolveResponse response;
   ASSERT_TRUE(result(id, true, &response).ok());
   EXPECT_EQ(response.solution().scenarios().scenarios(), 4);
-  EXPECT_EQ(get(id).job().scenario_levels_size(), 3);
+  EXPECT_EQ(get(id).job().sample_average_stages_size(), 3);
   EXPECT_EQ(get(id).job().kind(), v1::JOB_KIND_SUBMITTED);
 }
 
@@ -219,7 +219,7 @@ TEST_F(Scenarios, OutliveTheServerWhereItHasAStateDirectory) {
   start({"--state-dir", directory_.file("state")});
   ASSERT_TRUE(result(id, true, &after).ok());
   EXPECT_EQ(after.SerializeAsString(), before.SerializeAsString());
-  EXPECT_EQ(get(id).job().scenario_levels_size(), 3);
+  EXPECT_EQ(get(id).job().sample_average_stages_size(), 3);
 }
 
 TEST_F(Scenarios, AreRefusedWithThePlaceOfTheFault) {
@@ -317,7 +317,7 @@ v1::SolveRequest large_scenarios(int n, std::int64_t first) {
   return request;
 }
 
-TEST_F(Scenarios, FirstLevelThatDoesNotFitIsRefusedWithItsSize) {
+TEST_F(Scenarios, InitialSampleThatDoesNotFitIsRefusedWithItsSize) {
   start();
   const Reported reported = solve_scenarios(large_scenarios(30'000, 4000));
   EXPECT_EQ(reported.status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
@@ -328,7 +328,7 @@ TEST_F(Scenarios, FirstLevelThatDoesNotFitIsRefusedWithItsSize) {
   EXPECT_TRUE(lives());
 }
 
-TEST_F(Scenarios, LaterLevelThatDoesNotFitEndsWithTheAnswerSoFar) {
+TEST_F(Scenarios, LaterStageThatDoesNotFitEndsWithTheAnswerSoFar) {
   start({"--workers", "1", "--solve-bytes", "300000000"});
   ASSERT_TRUE(lives());
   const std::int64_t before = resident_bytes(server().pid());

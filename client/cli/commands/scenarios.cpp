@@ -39,38 +39,38 @@ Json out_of_sample_json(const OutOfSample& out_of_sample) {
           {"factorizations", out_of_sample.factorizations}};
 }
 
-Json level_json(const ScenarioLevel& level) {
-  return {{"level", level.level},
-          {"scenarios", level.scenarios},
-          {"status", to_string(level.status)},
-          {"objective", level.objective},
-          {"factorizations", level.factorizations},
-          {"seconds", level.seconds},
-          {"warm", level.warm},
-          {"searched", level.searched},
-          {"out_of_sample", level.out_of_sample ? out_of_sample_json(*level.out_of_sample) : Json()}};
+Json stage_json(const SampleAverageStage& stage) {
+  return {{"stage", stage.stage},
+          {"scenarios", stage.scenarios},
+          {"status", to_string(stage.status)},
+          {"objective", stage.objective},
+          {"factorizations", stage.factorizations},
+          {"seconds", stage.seconds},
+          {"warm", stage.warm},
+          {"searched", stage.searched},
+          {"out_of_sample", stage.out_of_sample ? out_of_sample_json(*stage.out_of_sample) : Json()}};
 }
 
-void report_level(const ScenarioArguments& arguments, const ScenarioLevel& level) {
+void report_stage(const ScenarioArguments& arguments, const SampleAverageStage& stage) {
   if (arguments.server.json()) {
-    std::cout << line(level_json(level)) << '\n' << std::flush;
+    std::cout << line(stage_json(stage)) << '\n' << std::flush;
     return;
   }
-  if (level.level == 0)
+  if (stage.stage == 0)
     std::printf("%7s %-14s %15s %31s %9s %8s %8s\n", "scenarios", "status", "value",
                 "in other scenarios, 95 %", "no way", "fact", "s");
   std::string others, no_way;
-  if (level.out_of_sample) {
+  if (stage.out_of_sample) {
     char text[64];
-    std::snprintf(text, sizeof text, "%.7g +- %.3g", level.out_of_sample->mean,
-                  level.out_of_sample->half_width);
+    std::snprintf(text, sizeof text, "%.7g +- %.3g", stage.out_of_sample->mean,
+                  stage.out_of_sample->half_width);
     others = text;
-    no_way = std::to_string(level.out_of_sample->infeasible) + "/" +
-             std::to_string(level.out_of_sample->scenarios);
+    no_way = std::to_string(stage.out_of_sample->infeasible) + "/" +
+             std::to_string(stage.out_of_sample->scenarios);
   }
-  std::printf("%7lld %-14s %15.7e %31s %9s %8lld %8.3f\n", static_cast<long long>(level.scenarios),
-              to_string(level.status), level.objective, others.c_str(), no_way.c_str(),
-              static_cast<long long>(level.factorizations), level.seconds);
+  std::printf("%7lld %-14s %15.7e %31s %9s %8lld %8.3f\n", static_cast<long long>(stage.scenarios),
+              to_string(stage.status), stage.objective, others.c_str(), no_way.c_str(),
+              static_cast<long long>(stage.factorizations), stage.seconds);
   std::fflush(stdout);
 }
 
@@ -125,7 +125,7 @@ int run(ScenarioArguments& arguments) {
   const auto client = connect(arguments.server);
   if (!client) return server_fails(arguments.server, client.error());
   const Interrupt interrupt;
-  arguments.settings.level = [&](const ScenarioLevel& level) { report_level(arguments, level); };
+  arguments.settings.stage = [&](const SampleAverageStage& stage) { report_stage(arguments, stage); };
   CallControls call;
   call.problem_name = base->problem.name;
   call.priority = arguments.priority;

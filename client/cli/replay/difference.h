@@ -11,7 +11,7 @@ namespace marble::cli {
 
 /// A difference in one field, or in one column of a trace.
 struct Difference {
-  std::string field;                  ///< "z", "scenarios.levels[2].objective", "trace.kkt_residual"
+  std::string field;                  ///< "z", "scenarios.stages[2].objective", "trace.kkt_residual"
   std::int64_t index = -1;            ///< of the first different entry or row; -1 for a single value
   std::string before = {}, now = {};  ///< values at that entry
   std::int64_t entries = 1;           ///< number of different entries

@@ -5,7 +5,7 @@
 
 namespace marble::python {
 
-/// Binds marble._core.solve_scenarios(problem, options, request, report_level, call): returns the result of
+/// Binds marble._core.solve_scenarios(problem, options, request, report_stage, call): returns the result of
 /// run(), and "scenarios", the further fields of ScenarioSolution. request: first_stage, own_equalities,
 /// own_inequalities, own_pairs, settings by their names, and the scenarios as `table` (entries, values,
 /// weights) or `sampler` (seed, quantities), where entries are (number of the part, positions).

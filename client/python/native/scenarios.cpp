@@ -71,21 +71,21 @@ ScenarioSettings settings_of(const py::dict& given) {
   return settings;
 }
 
-py::dict dict_of(const ScenarioLevel& l) {
-  py::dict level;
-  level["level"] = l.level, level["scenarios"] = l.scenarios;
-  level["status"] = to_string(l.status), level["detail"] = l.detail;
-  level["objective"] = l.objective;
-  level["variables"] = l.variables, level["pairs"] = l.pairs;
-  level["factorizations"] = l.factorizations, level["seconds"] = l.seconds;
-  level["warm"] = l.warm, level["searched"] = l.searched;
-  level["memory_bytes"] = l.memory_bytes;
-  level["out_of_sample"] = py::none();
+py::dict dict_of(const SampleAverageStage& l) {
+  py::dict stage;
+  stage["stage"] = l.stage, stage["scenarios"] = l.scenarios;
+  stage["status"] = to_string(l.status), stage["detail"] = l.detail;
+  stage["objective"] = l.objective;
+  stage["variables"] = l.variables, stage["pairs"] = l.pairs;
+  stage["factorizations"] = l.factorizations, stage["seconds"] = l.seconds;
+  stage["warm"] = l.warm, stage["searched"] = l.searched;
+  stage["memory_bytes"] = l.memory_bytes;
+  stage["out_of_sample"] = py::none();
   if (const auto& f = l.out_of_sample) {
-    level["out_of_sample"] =
+    stage["out_of_sample"] =
         py::make_tuple(f->scenarios, f->infeasible, f->mean, f->half_width, f->factorizations, f->seconds);
   }
-  return level;
+  return stage;
 }
 
 py::dict dict_of(const ScenarioSolution& answer) {
@@ -93,14 +93,14 @@ py::dict dict_of(const ScenarioSolution& answer) {
   reported["end"] = to_string(answer.end);
   reported["scenarios"] = answer.scenarios;
   reported["infeasible"] = answer.infeasible;
-  py::list levels;
-  for (const ScenarioLevel& level : answer.levels) levels.append(dict_of(level));
-  reported["levels"] = levels;
+  py::list stages;
+  for (const SampleAverageStage& stage : answer.stages) stages.append(dict_of(stage));
+  reported["stages"] = stages;
   return reported;
 }
 
 py::dict solve(const py::object& lcqp, const py::dict& given, const py::dict& request,
-               const py::object& report_level, const Call& call) {
+               const py::object& report_stage, const Call& call) {
   const Options options = options_of(given);
   Borrowed arrays;
   ScenarioProblem problem;
@@ -122,9 +122,9 @@ py::dict solve(const py::object& lcqp, const py::dict& given, const py::dict& re
       options, call,
       [&](const Options& limited, const SolveControls& controls, Reporter& reporter) -> Expected<Solution> {
         settings.options = limited;
-        if (!report_level.is_none()) {
-          settings.level = [&](const ScenarioLevel& level) {
-            reporter.call([&] { report_level(dict_of(level)); });
+        if (!report_stage.is_none()) {
+          settings.stage = [&](const SampleAverageStage& stage) {
+            reporter.call([&] { report_stage(dict_of(stage)); });
           };
         }
         auto solved = solve_scenarios(problem, settings, controls);

@@ -30,17 +30,17 @@ def best(demands) -> float:
 
 
 def test_arrays_of_scenarios_give_the_plan_that_is_best_in_the_mean(client):
-    levels = []
-    answer = client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, max_sample_size=8, level=levels.append)
+    stages = []
+    answer = client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, max_sample_size=8, stage=stages.append)
     assert answer.end is marble.ScenarioEnd.SAMPLES and answer.status is marble.Status.SOLVED
-    assert [level.scenarios for level in levels] == [1, 2, 4, 8] and levels == list(answer.levels)
+    assert [stage.scenarios for stage in stages] == [1, 2, 4, 8] and stages == list(answer.stages)
     assert answer.scenarios == 8 and answer.x.shape == (1,) and answer.recourse.shape == (8, 1)
     assert np.isclose(answer.objective, best(EVEN), atol=1e-6)
     assert np.all(answer.recourse[:, 0] <= np.minimum(answer.x[0], np.ravel(EVEN)) + 1e-9)
     assert answer.solution.z.size == 9 and answer.violations.complementarity <= 1e-6
-    assert levels[1].out_of_sample is not None and levels[1].out_of_sample.scenarios == 6
-    assert levels[3].out_of_sample is None
-    assert answer.job_id and client.jobs.get(answer.job_id).job.levels == answer.levels
+    assert stages[1].out_of_sample is not None and stages[1].out_of_sample.scenarios == 6
+    assert stages[3].out_of_sample is None
+    assert answer.job_id and client.jobs.get(answer.job_id).job.stages == answer.stages
 
 
 def test_a_callable_is_asked_for_nested_scenarios_by_their_numbers(client):
@@ -49,7 +49,7 @@ def test_a_callable_is_asked_for_nested_scenarios_by_their_numbers(client):
 
     few = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=3, max_sample_size=4)
     more = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=3, max_sample_size=16)
-    assert few.objective == more.levels[2].objective and few.levels[2].scenarios == 4
+    assert few.objective == more.stages[2].objective and few.stages[2].scenarios == 4
     again = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=3, max_sample_size=16)
     np.testing.assert_array_equal(again.solution.z, more.solution.z)
     other = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=4, max_sample_size=4)
@@ -61,7 +61,7 @@ def test_the_server_draws_quantities_and_ends_when_the_interval_is_small(client)
     answer = client.scenarios(shop(), first_stage=[0], sampler=[demand], seed=7, initial_sample_size=16,
                               max_sample_size=1024, tolerance=0.1)
     assert answer.end is marble.ScenarioEnd.INTERVAL
-    out_of_sample = answer.levels[-1].out_of_sample
+    out_of_sample = answer.stages[-1].out_of_sample
     assert out_of_sample is not None and out_of_sample.half_width <= 0.1 * abs(out_of_sample.mean)
     assert abs(answer.x[0] - 5) < 2 and abs(out_of_sample.mean + 5) < 1.5
     normal = marble.Quantity({"l": [1.0]}, "normal", least=-5, most=5)
@@ -92,7 +92,7 @@ def test_a_scenario_without_a_plan_is_named(client):
     answer = client.scenarios(base, first_stage=[0], sampler={"b": [[0.0], [0.5], [5.0], [0.0]]})
     assert answer.end is marble.ScenarioEnd.NOT_SOLVED and not answer.solution.solved
     assert answer.infeasible == (2,) and "scenario 2" in answer.detail
-    assert answer.scenarios == 2 and answer.x.size == 1, "the plan of the level before stays"
+    assert answer.scenarios == 2 and answer.x.size == 1, "the plan of the stage before stays"
 
 
 def test_scenarios_may_be_submitted_and_asked_for_later(client):
@@ -107,15 +107,15 @@ def test_scenarios_may_be_submitted_and_asked_for_later(client):
 
 def test_the_client_for_asyncio_has_the_same(server):
     async def ask():
-        levels = []
+        stages = []
         async with marble.aio.Client(server.address) as client:
-            answer = await client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, level=levels.append)
+            answer = await client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, stage=stages.append)
             there = await client.jobs.submit(
                 shop(), scenarios=marble.Scenarios(first_stage=[0], sampler={"l": EVEN}))
-            return answer, levels, await client.jobs.scenarios(there.job_id, wait=True)
+            return answer, stages, await client.jobs.scenarios(there.job_id, wait=True)
 
-    answer, levels, later = asyncio.run(ask())
-    assert levels == list(answer.levels) and answer.scenarios == 8
+    answer, stages, later = asyncio.run(ask())
+    assert stages == list(answer.stages) and answer.scenarios == 8
     np.testing.assert_array_equal(later.solution.z, answer.solution.z)
 
 
@@ -129,7 +129,7 @@ def test_the_client_for_asyncio_has_the_same(server):
     ("sampler[0].moves['l']", {"sampler": [marble.Quantity({"l": [1.0, 2.0]})]}),
     ("distribution", {"sampler": [marble.Quantity({"l": [1.0]}, "cauchy")]}),
     ("seed", {"sampler": [marble.Quantity({"l": [1.0]})], "seed": -1}),
-    ("levels", {"levels": 7}),
+    ("stages", {"stages": 7}),
     ("scenarios.growth", {"growth": 1.0}),
     ("scenarios.max_sample_size", {"max_sample_size": 0}),
     ("scenarios.sampler.quantities[0].scale", {"sampler": [marble.Quantity({"l": [1.0]}, scale=-1.0)]}),
@@ -158,18 +158,18 @@ def test_more_scenarios_than_the_server_allows_are_refused(start_server):
 def test_without_a_server_they_have_the_same_bits(client, asked):
     base = marble.LCQP([[0.1, 0], [0, 0]], [1.0, -3.0], L=[0, -1], l=[5.0], R=[1, -1], C=[-1, 0], d=[9.0])
     there = client.scenarios(base, first_stage=[0], **asked)
-    levels: list[marble.ScenarioLevel] = []
+    stages: list[marble.SampleAverageStage] = []
     rows: list[marble.Progress] = []
-    here = marble.Client("local").scenarios(base, first_stage=[0], level=levels.append, progress=rows.append, **asked)
+    here = marble.Client("local").scenarios(base, first_stage=[0], stage=stages.append, progress=rows.append, **asked)
     np.testing.assert_array_equal(here.solution.z, there.solution.z)
     np.testing.assert_array_equal(here.recourse, there.recourse)
     np.testing.assert_array_equal(here.solution.nu, there.solution.nu)
     assert (here.end, here.status, here.objective) == (there.end, there.status, there.objective)
-    assert levels == list(here.levels) and rows
+    assert stages == list(here.stages) and rows
     def means(of):
         return [one.out_of_sample and one.out_of_sample.mean for one in of]
 
-    assert means(levels) == means(there.levels)
+    assert means(stages) == means(there.stages)
 
 
 def test_without_a_server_a_scenario_without_a_plan_is_named_and_what_is_wrong_too():
@@ -182,17 +182,17 @@ def test_without_a_server_a_scenario_without_a_plan_is_named_and_what_is_wrong_t
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        local.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, level=stop)
+        local.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, stage=stop)
     with pytest.raises(marble.DeadlineExceeded):
         local.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, deadline=1e-9)
     late = local.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, options={"time_limit_s": 0.0})
     assert late.end is marble.ScenarioEnd.TIME_LIMIT and late.scenarios == 0 and late.x.size == 0
 
     async def ask() -> marble.ScenarioSolution:
-        levels: list[marble.ScenarioLevel] = []
+        stages: list[marble.SampleAverageStage] = []
         async with marble.aio.Client("local") as client:
-            answer = await client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, level=levels.append)
-            assert levels == list(answer.levels)
+            answer = await client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, stage=stages.append)
+            assert stages == list(answer.stages)
             with pytest.raises(ZeroDivisionError):
                 await client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, progress=stop)
             return answer

@@ -76,13 +76,13 @@ def test_what_a_tree_does_not_know_is_infinite_and_what_it_knows_comes_as_it_was
 
 
 # What Python leaves out of a message, or has in another class.
-ELSEWHERE = {"Solution": {"coupled", "scenarios"}, "Progress": {"level", "scenarios"},
+ELSEWHERE = {"Solution": {"coupled", "scenarios"}, "Progress": {"stage", "scenarios"},
              "CoupledOutcome": {"coupling_multipliers"}, "JobEvent": {"pairs"}}
 
 
 @pytest.mark.parametrize(("kind", "message"), [
     (marble.Solution, "Solution"), (marble.Times, "Times"), (marble.Violations, "Violations"),
-    (marble.Conflict, "Conflict"), (marble.Progress, "Progress"), (marble.ScenarioLevel, "ScenarioLevel"),
+    (marble.Conflict, "Conflict"), (marble.Progress, "Progress"), (marble.SampleAverageStage, "SampleAverageStage"),
     (marble.OutOfSample, "OutOfSample"), (marble.Coordination, "CoupledOutcome"), (marble.Job, "JobInfo"),
     (marble.ArrayProgress, "ArrayProgress"), (marble.Trace, "Trace"), (marble.PairSides, "PairSides"),
     (marble.JobDetails, "GetJobResponse"), (marble.Infeasibility, "Infeasibility"),
@@ -97,7 +97,7 @@ def test_every_field_of_a_message_has_its_attribute(kind, message):
 def test_a_field_that_a_server_does_not_know_takes_its_default():
     assert answers.solve_response(b"\x12\x02\x08\x01", None).origin is marble.PointOrigin.SOLVE
     job = records.read(marble.Job, contract.message("JobInfo")(kind=1, state=2, priority=3))
-    assert (job.status, job.error, job.array, job.levels, job.activity) == (None, None, None, (), "")
+    assert (job.status, job.error, job.array, job.stages, job.activity) == (None, None, None, (), "")
     assert (job.incumbent, job.bound, job.gap, job.sizes) == (np.inf, -np.inf, np.inf, (0, 0, 0, 0))
     assert records.read(marble.Trace, contract.message("Trace")()).stride == 1
 

@@ -54,7 +54,7 @@ export type {
   ScenarioSolution,
   ScenarioControls,
   ScenarioEntries,
-  ScenarioLevel,
+  SampleAverageStage,
   ScenarioQuantity,
   ScenarioSamples,
 } from "./calls/scenarios.js";

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { after, before } from "node:test";
 
-import { type Client, InvalidProblemError, PreconditionError, type ScenarioLevel, connect } from "@marble/client";
+import { type Client, InvalidProblemError, PreconditionError, type SampleAverageStage, connect } from "@marble/client";
 
 import { corner } from "./support/problems.js";
 import { Server } from "./support/server.js";
@@ -35,14 +35,14 @@ const shop = {
 const demands = [1, 9, 3, 7, 2, 8, 4, 6];
 const scenarios = { entries: [{ part: "left_offset" as const }], values: demands.map((demand) => [demand]) };
 
-test("scenarios as a table give levels and then the plan for all of them", async () => {
-  const levels: ScenarioLevel[] = [];
-  const answer = await client.scenarios(shop, { firstStage: [0], scenarios, onLevel: (level) => levels.push(level) });
+test("scenarios as a table give stages and then the plan for all of them", async () => {
+  const stages: SampleAverageStage[] = [];
+  const answer = await client.scenarios(shop, { firstStage: [0], scenarios, onStage: (stage) => stages.push(stage) });
   assert.deepEqual(
-    levels.map((level) => level.scenarios),
+    stages.map((stage) => stage.scenarios),
     [1, 2, 4, 8],
   );
-  assert.deepEqual(answer.levels, levels);
+  assert.deepEqual(answer.stages, stages);
   assert.equal(answer.end, "samples");
   assert.equal(answer.solution.status, "solved");
   assert.equal(answer.x.length, 1);
@@ -50,7 +50,7 @@ test("scenarios as a table give levels and then the plan for all of them", async
   answer.recourse.forEach((y, s) => assert.ok(y[0]! <= Math.min(answer.x[0]!, demands[s]!) + 1e-9));
   const { job } = await client.jobs.get(answer.solution.jobId);
   assert.equal(job.kind, "scenarios");
-  assert.equal(job.scenarioLevels.length, 4);
+  assert.equal(job.sampleAverageStages.length, 4);
 });
 
 test("the server draws the same scenarios for the same seed", async () => {

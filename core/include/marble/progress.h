@@ -40,7 +40,7 @@ struct Progress {
   double gap = std::numeric_limits<double>::infinity();     ///< as Solution::gap, so far
   std::int64_t nodes = 0;                                   ///< nodes bounded so far; 0 before a tree
   std::int64_t open_nodes = 0;     ///< nodes of the tree that are still to be bounded or branched
-  std::int32_t level = 0;          ///< stage of a scenario solve, from 0
+  std::int32_t stage = 0;          ///< stage of a scenario solve, from 0
   std::int64_t scenarios = 0;      ///< scenarios of that stage; 0 in other solves
   std::span<const double> z = {};  ///< the iterate (n, unscaled); valid only during the call
   std::span<const double> s = {};  ///< L z + l (n_c, unscaled), if the sink wants it; valid as long as z

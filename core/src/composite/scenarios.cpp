@@ -6,9 +6,9 @@
 #include <string>
 #include <utility>
 
-#include "composite/level_bytes.h"
 #include "composite/lift.h"
 #include "composite/recourse.h"
+#include "composite/stage_bytes.h"
 #include "composite/stages.h"
 #include "model/interrupt.h"
 #include "model/text_of.h"
@@ -51,13 +51,13 @@ Expected<void> validate_settings(const ScenarioSettings& s) {
   return {};
 }
 
-// Reports the progress of all levels as that of one solve.
-class LevelProgress final : public ProgressSink {
+// Reports the progress of all stages as that of one solve.
+class StageProgress final : public ProgressSink {
  public:
-  explicit LevelProgress(ProgressSink* sink) : sink_(sink) {}
-  void begin(const ScenarioLevel& level, const Solution& before) {
-    level_ = level.level;
-    scenarios_ = level.scenarios;
+  explicit StageProgress(ProgressSink* sink) : sink_(sink) {}
+  void begin(const SampleAverageStage& stage, const Solution& before) {
+    stage_ = stage.stage;
+    scenarios_ = stage.scenarios;
     iterations_ = before.iterations;
     factorizations_ = before.factorizations;
   }
@@ -65,7 +65,7 @@ class LevelProgress final : public ProgressSink {
     Progress row = progress;
     row.iteration += iterations_;
     row.factorizations += factorizations_;
-    row.level = level_;
+    row.stage = stage_;
     row.scenarios = scenarios_;
     sink_->report(row);
   }
@@ -73,7 +73,7 @@ class LevelProgress final : public ProgressSink {
 
  private:
   ProgressSink* const sink_;
-  std::int32_t level_ = 0, iterations_ = 0, factorizations_ = 0;
+  std::int32_t stage_ = 0, iterations_ = 0, factorizations_ = 0;
   std::int64_t scenarios_ = 0;
 };
 
@@ -81,14 +81,14 @@ Error too_large(double scenarios, double bytes, std::int64_t most_bytes) {
   return failure(
       ErrorCode::resource_exhausted, "scenarios",
       std::to_string(static_cast<std::int64_t>(scenarios)) + " scenarios: " + general(bytes, 6) + " bytes",
-      "a level, with what it needs at least, must fit into " + std::to_string(most_bytes) + " bytes");
+      "a stage, with what it needs at least, must fit into " + std::to_string(most_bytes) + " bytes");
 }
 
-// Solves the levels (sample-average stages) one after the other.
-class Levels {
+// Solves the sample-average stages one after the other.
+class StageLoop {
  public:
-  Levels(const ScenarioProblem& problem, const ScenarioSettings& settings, const SolveControls& controls,
-         const SetupControls& setup, Stages stages)
+  StageLoop(const ScenarioProblem& problem, const ScenarioSettings& settings, const SolveControls& controls,
+            const SetupControls& setup, Stages stages)
       : problem_(problem),
         settings_(settings),
         controls_(controls),
@@ -105,7 +105,7 @@ class Levels {
     std::int64_t count = std::min(settings_.initial_sample_size, most_);
     for (double size = static_cast<double>(settings_.initial_sample_size);;) {
       if (auto drawn = draw(1); !drawn) return unexpected(drawn.error());
-      if (const double bytes = bytes_of_level(count); bytes > most_bytes()) {
+      if (const double bytes = bytes_of_stage(count); bytes > most_bytes()) {
         Error error = too_large(static_cast<double>(count), bytes, setup_.most_bytes);
         if (answer_.scenarios == 0) return unexpected(std::move(error));
         return end(ScenarioEnd::too_large, error.message());
@@ -113,10 +113,10 @@ class Levels {
       if (auto drawn = draw(count); !drawn) return unexpected(drawn.error());
       if (const auto ended = interrupted())
         return end(*ended, "ended while the numbers of scenarios were drawn");
-      ScenarioLevel level;
-      level.level = static_cast<std::int32_t>(answer_.levels.size());
-      level.scenarios = count;
-      auto solution = solve(level);
+      SampleAverageStage stage;
+      stage.stage = static_cast<std::int32_t>(answer_.stages.size());
+      stage.scenarios = count;
+      auto solution = solve(stage);
       if (!solution) {
         const Error& error = solution.error();
         if (error.code == ErrorCode::cancelled) return end(ScenarioEnd::cancelled, error.message());
@@ -124,16 +124,16 @@ class Levels {
         if (answer_.scenarios == 0) return unexpected(error);
         return end(ScenarioEnd::too_large, error.message());
       }
-      if (!is_solved(solution->status)) return end_unsolved(level, *solution);
-      keep(level, *std::move(solution));
+      if (!is_solved(solution->status)) return end_unsolved(stage, *solution);
+      keep(stage, *std::move(solution));
       if (controls_.activity != nullptr) controls_.activity->set_done(Phase::scenarios, count, most_);
       size = std::max(size * settings_.growth, static_cast<double>(count) + 1.0);
       const std::int64_t next =
           size >= static_cast<double>(most_) ? most_ : static_cast<std::int64_t>(std::ceil(size));
-      if (auto tried = try_fresh(level, next); !tried) return unexpected(tried.error());
-      report(level);
-      if (const auto ended = end_of(level)) return end(*ended, level.detail);
-      if (count == most_) return end(ScenarioEnd::samples, level.detail);
+      if (auto tried = try_fresh(stage, next); !tried) return unexpected(tried.error());
+      report(stage);
+      if (const auto ended = end_of(stage)) return end(*ended, stage.detail);
+      if (count == most_) return end(ScenarioEnd::samples, stage.detail);
       count = next;
     }
   }
@@ -142,14 +142,14 @@ class Levels {
   [[nodiscard]] double most_bytes() const { return static_cast<double>(setup_.most_bytes); }
 
   // Estimates with the average size of the scenarios drawn so far; includes all that are drawn already.
-  [[nodiscard]] double bytes_of_level(std::int64_t count) const {
+  [[nodiscard]] double bytes_of_stage(std::int64_t count) const {
     const auto drawn = static_cast<double>(scenarios_.size());
     const double average = scenarios_bytes_ / drawn;
     const double more = std::max(0.0, drawn - static_cast<double>(count));
-    return level_bytes(stages_, static_cast<double>(count), average, settings_.options) + more * average;
+    return stage_bytes(stages_, static_cast<double>(count), average, settings_.options) + more * average;
   }
 
-  // Memory that is held between levels.
+  // Memory that is held between stages.
   [[nodiscard]] double bytes_held() const {
     return scenarios_bytes_ + 2.0 * static_cast<double>(parts_.size()) * stages_.part_bytes() +
            stages_.answer_bytes(static_cast<double>(answer_.scenarios));
@@ -186,26 +186,26 @@ class Levels {
         .subspan(static_cast<std::size_t>(first), static_cast<std::size_t>(last - first));
   }
 
-  // Starts from the last level's solution, lifted. The search for a distant feasible point comes last: if
+  // Starts from the last stage's solution, lifted. The search for a distant feasible point comes last: if
   // none exists, it is faster to find a scenario that has no plan alone.
-  Expected<Solution> solve(ScenarioLevel& level) {
+  Expected<Solution> solve(SampleAverageStage& stage) {
     const auto begun = Clock::now();
-    const auto sample = scenarios(0, level.scenarios);
+    const auto sample = scenarios(0, stage.scenarios);
     weights_ = normalized_weights(sample);
     std::optional<Solution> start;
-    if (answer_.scenarios > 0) start = lift(level.scenarios);
+    if (answer_.scenarios > 0) start = lift(stage.scenarios);
     auto assembled = stages_.assemble(sample, weights_, interrupt_);
     if (!assembled) return unexpected(assembled.error());
     const auto problem = Problem::create(assembled->view());
     if (!problem) return unexpected(problem.error());
-    level.variables = problem->variables();
-    level.pairs = problem->pairs();
+    stage.variables = problem->variables();
+    stage.pairs = problem->pairs();
     Options options = settings_.options;
     if (start)
       options.max_local_search_factorizations =
           std::min(options.max_local_search_factorizations, tuning::scenario_budget);
-    if (level.scenarios > 1) options.max_feasibility_factorizations = 0;
-    const auto count = static_cast<double>(level.scenarios);
+    if (stage.scenarios > 1) options.max_feasibility_factorizations = 0;
+    const auto count = static_cast<double>(stage.scenarios);
     const double beside = bytes_held() + stages_.assembled_bytes(count) + 2.0 * stages_.answer_bytes(count) +
                           2.0 * count * stages_.part_bytes();
     SetupControls limits = setup_;
@@ -214,53 +214,54 @@ class Levels {
     limits.most_bytes = bytes_left(beside);
     auto solver = Solver::create(*problem, options, limits);
     if (!solver) return unexpected(solver.error());
-    level.memory_bytes = solver->memory_bytes() + static_cast<std::int64_t>(beside);
-    batch_bytes_ = bytes_left(static_cast<double>(level.memory_bytes));
-    auto solution = solve_from(*solver, options, start ? &*start : nullptr, level);
+    stage.memory_bytes = solver->memory_bytes() + static_cast<std::int64_t>(beside);
+    batch_bytes_ = bytes_left(static_cast<double>(stage.memory_bytes));
+    auto solution = solve_from(*solver, options, start ? &*start : nullptr, stage);
     if (solution && is_without_plan(solution->status)) {
-      find_infeasible(level);
-      if (answer_.infeasible.empty() && level.scenarios > 1) {
+      find_infeasible(stage);
+      if (answer_.infeasible.empty() && stage.scenarios > 1) {
         options.max_feasibility_factorizations = settings_.options.max_feasibility_factorizations;
-        solution = solve_from(*solver, options, start ? &*start : nullptr, level);
+        solution = solve_from(*solver, options, start ? &*start : nullptr, stage);
       }
     }
     if (!solution) return solution;
-    level.status = solution->status;
-    level.detail = solution->detail;
-    level.objective = solution->objective;
-    level.seconds = seconds_since(begun);
+    stage.status = solution->status;
+    stage.detail = solution->detail;
+    stage.objective = solution->objective;
+    stage.seconds = seconds_since(begun);
     return solution;
   }
 
-  // If a start had to be repaired and kept no branch, also solves cold if more levels or starts follow.
+  // If a start had to be repaired and kept no branch, also solves cold if more stages or starts follow.
   Expected<Solution> solve_from(Solver& solver, Options options, const Solution* start,
-                                ScenarioLevel& level) {
+                                SampleAverageStage& stage) {
     if (auto set = solver.set_options(options); !set) return unexpected(set.error());
     SolveControls controls = controls_;
-    controls.activity = nullptr;  // it shows the levels
+    controls.activity = nullptr;  // it shows the stages
     controls.warm_start = start;
     controls.begun = begun_;
     controls.progress = progress_.sink();
-    auto solution = solve_and_count(solver, controls, level);
+    auto solution = solve_and_count(solver, controls, stage);
     if (!solution) return solution;
     const bool stayed_warm = start != nullptr && std::isinf(solution->reference_objective);
-    level.warm = stayed_warm && solution->factorizations <= tuning::warm_small_change;
-    const bool goes_on = level.scenarios < most_ || options.num_starts > 1;
-    if (!is_solved(solution->status) || !stayed_warm || level.warm || !goes_on) return solution;
-    level.searched = true;
+    stage.warm = stayed_warm && solution->factorizations <= tuning::warm_small_change;
+    const bool goes_on = stage.scenarios < most_ || options.num_starts > 1;
+    if (!is_solved(solution->status) || !stayed_warm || stage.warm || !goes_on) return solution;
+    stage.searched = true;
     options.max_local_search_factorizations = 0;
     if (auto set = solver.set_options(options); !set) return unexpected(set.error());
     controls.warm_start = nullptr;
-    auto other = solve_and_count(solver, controls, level);
+    auto other = solve_and_count(solver, controls, stage);
     if (!other) return other;
     return is_solved(other->status) && other->objective < solution->objective ? other : solution;
   }
 
-  Expected<Solution> solve_and_count(Solver& solver, const SolveControls& controls, ScenarioLevel& level) {
-    progress_.begin(level, total_);
+  Expected<Solution> solve_and_count(Solver& solver, const SolveControls& controls,
+                                     SampleAverageStage& stage) {
+    progress_.begin(stage, total_);
     auto solution = solver.solve(controls);
     if (!solution) return solution;
-    level.factorizations += solution->factorizations;
+    stage.factorizations += solution->factorizations;
     count(*solution);
     return solution;
   }
@@ -271,15 +272,15 @@ class Levels {
     total_.times += solution.times;
   }
 
-  // Finds the scenarios of the level that have no plan even alone. Those of solved levels have one.
-  void find_infeasible(const ScenarioLevel& level) {
-    if (level.scenarios == 1) {
+  // Finds the scenarios of the stage that have no plan even alone. Those of solved stages have one.
+  void find_infeasible(const SampleAverageStage& stage) {
+    if (stage.scenarios == 1) {
       answer_.infeasible = {0};
       return;
     }
     const std::int64_t first = answer_.scenarios;
     const std::vector<Status> alone =
-        solve_alone(stages_, scenarios(first, level.scenarios),
+        solve_alone(stages_, scenarios(first, stage.scenarios),
                     {settings_.options, until_, controls_.stop, controls_.runner, batch_bytes_});
     for (std::size_t s = 0; s < alone.size(); ++s)
       if (is_without_plan(alone[s])) answer_.infeasible.push_back(first + static_cast<std::int64_t>(s));
@@ -304,16 +305,16 @@ class Levels {
     return &parts_[nearest(stages_, scenario, scenarios(0, answer_.scenarios), checkpoint)];
   }
 
-  void keep(const ScenarioLevel& level, Solution solution) {
+  void keep(const SampleAverageStage& stage, Solution solution) {
     const std::size_t plan = stages_.variables.first.size();
     solution_ = std::move(solution);
     parts_.clear();
     for (std::size_t s = 0; s < weights_.size(); ++s)
       parts_.push_back(scenario_part(stages_, solution_, s, weights_[s]));
-    answer_.status = level.status;
-    answer_.scenarios = level.scenarios;
+    answer_.status = stage.status;
+    answer_.scenarios = stage.scenarios;
     answer_.x.assign(solution_.z.begin(), solution_.z.begin() + static_cast<std::ptrdiff_t>(plan));
-    answer_.objective = level.objective;
+    answer_.objective = stage.objective;
     answer_.violations = solution_.violations;
   }
 
@@ -338,16 +339,16 @@ class Levels {
     return static_cast<std::int64_t>(std::min(room, static_cast<double>(std::numeric_limits<Index>::max())));
   }
 
-  Expected<void> try_fresh(ScenarioLevel& level, std::int64_t next) {
+  Expected<void> try_fresh(SampleAverageStage& stage, std::int64_t next) {
     recourse_.clear();
-    if (settings_.out_of_sample_scenarios == 0 && level.scenarios == most_) return {};
-    const bool next_fits = bytes_of_level(next) <= most_bytes();
-    const std::int64_t wanted = level.scenarios + settings_.out_of_sample_scenarios;
+    if (settings_.out_of_sample_scenarios == 0 && stage.scenarios == most_) return {};
+    const bool next_fits = bytes_of_stage(next) <= most_bytes();
+    const std::int64_t wanted = stage.scenarios + settings_.out_of_sample_scenarios;
     const std::int64_t last = std::min({problem_.scenarios, next_fits ? std::max(wanted, next) : wanted,
-                                        level.scenarios + fresh_that_fit()});
+                                        stage.scenarios + fresh_that_fit()});
     if (auto valid = draw(last); !valid) return valid;
     if (interrupted()) return {};
-    const auto drawn = scenarios(level.scenarios, std::max(level.scenarios, last));
+    const auto drawn = scenarios(stage.scenarios, std::max(stage.scenarios, last));
     if (drawn.empty()) return {};
     const auto begun = Clock::now();
     std::vector<const Solution*> starts;
@@ -359,25 +360,25 @@ class Levels {
       return recourse.status == Status::time_limit || recourse.status == Status::cancelled;
     });
     if (all) {
-      level.out_of_sample = judged(drawn, recourse_);
-      level.out_of_sample->seconds = seconds_since(begun);
+      stage.out_of_sample = judged(drawn, recourse_);
+      stage.out_of_sample->seconds = seconds_since(begun);
     }
     return {};
   }
 
-  void report(ScenarioLevel& level) {
-    level.x = answer_.x;
-    if (settings_.level) settings_.level(level);
-    level.x = {};
-    answer_.levels.push_back(level);
+  void report(SampleAverageStage& stage) {
+    stage.x = answer_.x;
+    if (settings_.stage) settings_.stage(stage);
+    stage.x = {};
+    answer_.stages.push_back(stage);
   }
 
-  [[nodiscard]] std::optional<ScenarioEnd> end_of(const ScenarioLevel& level) const {
+  [[nodiscard]] std::optional<ScenarioEnd> end_of(const SampleAverageStage& stage) const {
     if (controls_.stop.stop_requested()) return ScenarioEnd::cancelled;
     if (Clock::now() >= until_) return ScenarioEnd::time_limit;
-    if (settings_.tolerance == 0.0 || level.scenarios < settings_.min_sample_size || !level.out_of_sample)
+    if (settings_.tolerance == 0.0 || stage.scenarios < settings_.min_sample_size || !stage.out_of_sample)
       return std::nullopt;
-    const OutOfSample& out_of_sample = *level.out_of_sample;
+    const OutOfSample& out_of_sample = *stage.out_of_sample;
     const bool served = static_cast<double>(out_of_sample.infeasible) <=
                         settings_.max_infeasible_fraction * static_cast<double>(out_of_sample.scenarios);
     if (served && out_of_sample.half_width <= settings_.tolerance * std::abs(out_of_sample.mean))
@@ -385,9 +386,9 @@ class Levels {
     return std::nullopt;
   }
 
-  Expected<ScenarioSolution> end_unsolved(ScenarioLevel& level, const Solution& solution) {
+  Expected<ScenarioSolution> end_unsolved(SampleAverageStage& stage, const Solution& solution) {
     answer_.status = solution.status;
-    report(level);
+    report(stage);
     if (solution.status == Status::cancelled) return end(ScenarioEnd::cancelled, solution.detail);
     if (solution.status == Status::time_limit) return end(ScenarioEnd::time_limit, solution.detail);
     std::string detail = solution.detail;
@@ -421,15 +422,15 @@ class Levels {
   Clock::time_point begun_, until_;
   Interrupt interrupt_;
   std::int64_t most_;
-  LevelProgress progress_;
+  StageProgress progress_;
   Solution total_;  // only iterations, factorizations and times
   std::vector<ScenarioNumbers> scenarios_;
   double scenarios_bytes_ = 0.0;
-  std::vector<double> weights_;     // of the level
-  Solution solution_;               // of the newest solved level
+  std::vector<double> weights_;     // of the stage
+  Solution solution_;               // of the newest solved stage
   std::vector<Solution> parts_;     // of solution_, by scenario
-  std::vector<Recourse> recourse_;  // of the scenarios after that level
-  std::int64_t batch_bytes_ = 0;    // memory for a solver of one scenario beside the level's solver
+  std::vector<Recourse> recourse_;  // of the scenarios after that stage
+  std::int64_t batch_bytes_ = 0;    // memory for a solver of one scenario beside the stage's solver
   ScenarioSolution answer_;
 };
 
@@ -464,17 +465,17 @@ Expected<ScenarioSolution> solve_scenarios(const ScenarioProblem& problem, const
   if (auto valid = validate_settings(settings); !valid) return unexpected(valid.error());
   auto stages = Stages::create(problem);
   if (!stages) return unexpected(stages.error());
-  return Levels(problem, settings, controls, setup, *std::move(stages)).run();
+  return StageLoop(problem, settings, controls, setup, *std::move(stages)).run();
 }
 
-Expected<void> check_first_level(const ScenarioProblem& problem, const ScenarioSettings& settings,
-                                 std::int64_t most_bytes) {
+Expected<void> check_initial_sample(const ScenarioProblem& problem, const ScenarioSettings& settings,
+                                    std::int64_t most_bytes) {
   const auto stages = Stages::create(problem);
   if (!stages) return unexpected(stages.error());
   const auto first = problem.sample(0);
   if (!first) return unexpected(first.error());
   const auto count = static_cast<double>(std::min(settings.initial_sample_size, problem.scenarios));
-  const double bytes = level_bytes(*stages, count, bytes_of(*first), settings.options);
+  const double bytes = stage_bytes(*stages, count, bytes_of(*first), settings.options);
   if (bytes <= static_cast<double>(most_bytes)) return {};
   return unexpected(of_field("settings.initial_sample_size", too_large(count, bytes, most_bytes)));
 }

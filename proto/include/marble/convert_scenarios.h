@@ -27,9 +27,9 @@ void to_message(const ScenarioSettings& settings, v1::Scenarios* message);
 void to_message(const ScenarioSampler& sampler, v1::ScenarioSampler* message);
 
 /// Copies everything except x.
-void to_message(const ScenarioLevel& level, v1::ScenarioLevel* message);
+void to_message(const SampleAverageStage& stage, v1::SampleAverageStage* message);
 /// The inverse.
-[[nodiscard]] ScenarioLevel scenario_level_of(const v1::ScenarioLevel& message);
+[[nodiscard]] SampleAverageStage sample_average_stage_of(const v1::SampleAverageStage& message);
 
 /// Copies what the solution does not contain.
 void to_message(const ScenarioSolution& answer, v1::ScenarioOutcome* message);

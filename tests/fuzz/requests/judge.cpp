@@ -47,7 +47,7 @@ bool may_overflow(std::string_view field) {
                                                "marble.v1.CoupledOutcome.coupling_violation",
                                                "marble.v1.CoupledOutcome.blocks_objective",
                                                "marble.v1.CoupledOutcome.sweep_objective",
-                                               "marble.v1.ScenarioLevel.objective",
+                                               "marble.v1.SampleAverageStage.objective",
                                                "marble.v1.OutOfSample.mean",
                                                "marble.v1.Solution.gap"};
   return std::ranges::find(kSums, field) != std::end(kSums);
@@ -345,13 +345,13 @@ void judge_request(const v1::SolveRequest& request, const Options& options, cons
     ScenarioProblem scenarios;
     scenarios.base = view_of(request.problem());
     FUZZ_JUDGE(take_scenarios(request.scenarios(), scenarios).has_value());
-    const auto level = assemble_scenarios(scenarios, answer.scenarios().scenarios());
-    FUZZ_JUDGE(level.has_value());
-    v1::Solution of_level = answer;  // its status may be that of a later level
-    for (const v1::ScenarioLevel& reported : answer.scenarios().levels()) {
-      if (reported.scenarios() == answer.scenarios().scenarios()) of_level.set_status(reported.status());
+    const auto stage = assemble_scenarios(scenarios, answer.scenarios().scenarios());
+    FUZZ_JUDGE(stage.has_value());
+    v1::Solution of_stage = answer;  // its status may be that of a later stage
+    for (const v1::SampleAverageStage& reported : answer.scenarios().stages()) {
+      if (reported.scenarios() == answer.scenarios().scenarios()) of_stage.set_status(reported.status());
     }
-    judge_answer(level->view(), options, of_level);
+    judge_answer(stage->view(), options, of_stage);
   } else if (request.coupled().blocks_size() > 0) {
     const OwnedProblem monolithic = monolithic_problem(coupled_of(request.coupled()));
     Options loose = options;

@@ -126,7 +126,7 @@ TEST(Scenarios, MayNotChangeRowsOfThePlanAloneThatNoListNames) {
   EXPECT_EQ(field(ProblemPart::d, {1, 1}, {}), "samples.entries[0].positions1");
 }
 
-TEST(Scenarios, ReportTheirLevelsProgressAsOfOneSolve) {
+TEST(Scenarios, ReportTheirStagesProgressAsOfOneSolve) {
   class Rows final : public ProgressSink {
    public:
     void report(const Progress& row) override { rows.push_back(without_vectors(row)); }
@@ -143,7 +143,7 @@ TEST(Scenarios, ReportTheirLevelsProgressAsOfOneSolve) {
   for (std::size_t i = 1; i < sink.rows.size(); ++i) {
     EXPECT_GE(sink.rows[i].iteration, sink.rows[i - 1].iteration);
     EXPECT_GE(sink.rows[i].factorizations, sink.rows[i - 1].factorizations);
-    EXPECT_GE(sink.rows[i].level, sink.rows[i - 1].level);
+    EXPECT_GE(sink.rows[i].stage, sink.rows[i - 1].stage);
   }
   EXPECT_EQ(sink.rows.front().scenarios, 1);
   EXPECT_LE(sink.rows.back().factorizations, answer->solution.factorizations);

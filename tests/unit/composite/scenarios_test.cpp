@@ -1,4 +1,4 @@
-// Scenario solves: levels of more and more scenarios.
+// Scenario solves: stages of more and more scenarios.
 #include "marble/composite/scenarios.h"
 
 #include <gtest/gtest.h>
@@ -63,17 +63,17 @@ TEST(Scenarios, GrowToAnAnswerThatSolvesTheProblemOfAllScenarios) {
   const ScenarioProblem problem = rocket.scenarios(spread(8, 3.0, 4.8));
   std::vector<std::int64_t> reported;
   const auto grown =
-      solve_scenarios(problem, {.max_sample_size = 8, .level = [&](const ScenarioLevel& level) {
-                                  reported.push_back(level.scenarios);
-                                  EXPECT_EQ(level.x.size(), rocket.first_stage.size());
+      solve_scenarios(problem, {.max_sample_size = 8, .stage = [&](const SampleAverageStage& stage) {
+                                  reported.push_back(stage.scenarios);
+                                  EXPECT_EQ(stage.x.size(), rocket.first_stage.size());
                                 }});
   ASSERT_TRUE(grown) << grown.error().message();
   EXPECT_EQ(reported, (std::vector<std::int64_t>{1, 2, 4, 8}));
   EXPECT_EQ(grown->end, ScenarioEnd::samples);
   EXPECT_EQ(grown->status, Status::solved);
   EXPECT_EQ(grown->scenarios, 8);
-  EXPECT_FALSE(grown->levels.back().out_of_sample) << "there are no scenarios but these";
-  EXPECT_EQ(grown->levels[1].out_of_sample.value().scenarios, 6);
+  EXPECT_FALSE(grown->stages.back().out_of_sample) << "there are no scenarios but these";
+  EXPECT_EQ(grown->stages[1].out_of_sample.value().scenarios, 6);
   const OwnedProblem whole = assemble_scenarios(problem, 8).value();
   Solution together;
   together.z = grown->x;
@@ -100,7 +100,7 @@ TEST(Scenarios, NameTheScenarioThatHasNoPlan) {
   EXPECT_EQ(among->infeasible, std::vector<std::int64_t>{2});
   EXPECT_NE(among->detail.find("scenario 2"), std::string::npos) << among->detail;
   EXPECT_FALSE(is_solved(among->status));
-  EXPECT_EQ(among->scenarios, 2) << "the plan of the level before stays";
+  EXPECT_EQ(among->scenarios, 2) << "the plan of the stage before stays";
   EXPECT_EQ(among->x.size(), rocket.first_stage.size());
   EXPECT_EQ(among->recourse.size(), 2u);
 }
@@ -116,12 +116,12 @@ TEST(Scenarios, GiveTheSameBitsWhoeverHelps) {
   EXPECT_EQ(helped.x, alone.x);
   EXPECT_EQ(helped.recourse, alone.recourse);
   EXPECT_EQ(helped.objective, alone.objective);
-  ASSERT_EQ(helped.levels.size(), alone.levels.size());
-  for (std::size_t k = 0; k < alone.levels.size(); ++k) {
-    EXPECT_EQ(helped.levels[k].factorizations, alone.levels[k].factorizations);
-    EXPECT_EQ(helped.levels[k].out_of_sample->mean, alone.levels[k].out_of_sample->mean);
-    EXPECT_EQ(helped.levels[k].out_of_sample->half_width, alone.levels[k].out_of_sample->half_width);
-    EXPECT_EQ(helped.levels[k].out_of_sample->factorizations, alone.levels[k].out_of_sample->factorizations);
+  ASSERT_EQ(helped.stages.size(), alone.stages.size());
+  for (std::size_t k = 0; k < alone.stages.size(); ++k) {
+    EXPECT_EQ(helped.stages[k].factorizations, alone.stages[k].factorizations);
+    EXPECT_EQ(helped.stages[k].out_of_sample->mean, alone.stages[k].out_of_sample->mean);
+    EXPECT_EQ(helped.stages[k].out_of_sample->half_width, alone.stages[k].out_of_sample->half_width);
+    EXPECT_EQ(helped.stages[k].out_of_sample->factorizations, alone.stages[k].out_of_sample->factorizations);
   }
 }
 
@@ -138,10 +138,10 @@ TEST(Scenarios, AreNestedAndAskedForInOrder) {
   const auto answer = solve_scenarios(
       problem, {.initial_sample_size = 2, .growth = 1.5, .max_sample_size = 7, .out_of_sample_scenarios = 3});
   ASSERT_TRUE(answer) << answer.error().message();
-  std::vector<std::int64_t> levels;
-  for (const ScenarioLevel& level : answer->levels) levels.push_back(level.scenarios);
-  EXPECT_EQ(levels, (std::vector<std::int64_t>{2, 3, 5, 7}));
-  ASSERT_EQ(asked.size(), 10u) << "3 fresh ones after the last level";
+  std::vector<std::int64_t> stages;
+  for (const SampleAverageStage& stage : answer->stages) stages.push_back(stage.scenarios);
+  EXPECT_EQ(stages, (std::vector<std::int64_t>{2, 3, 5, 7}));
+  ASSERT_EQ(asked.size(), 10u) << "3 fresh ones after the last stage";
   for (std::size_t i = 0; i < asked.size(); ++i) EXPECT_EQ(asked[i], static_cast<std::int64_t>(i));
 }
 
@@ -179,7 +179,7 @@ TEST(Scenarios, ReportTheMeanOfScenariosNotSeenAndItsInterval) {
   EXPECT_NEAR(answer->x[0], 2.0, 1e-9);
   EXPECT_NEAR(answer->objective, 1.0, 1e-9);
   // Costs 4, 4, 36, 0: mean 11, sum of squares 49 + 49 + 625 + 121, over 3 and over 4.
-  const OutOfSample& out_of_sample = answer->levels.front().out_of_sample.value();
+  const OutOfSample& out_of_sample = answer->stages.front().out_of_sample.value();
   EXPECT_EQ(out_of_sample.scenarios, 4);
   EXPECT_EQ(out_of_sample.infeasible, 0);
   EXPECT_NEAR(out_of_sample.mean, 11.0, 1e-8);
@@ -227,9 +227,9 @@ TEST(Scenarios, CountInfeasibleScenariosAndDoNotEndOnThem) {
       target.problem({1.0, 0.5, 2.0, 0.0}),
       {.initial_sample_size = 1, .max_sample_size = 4, .tolerance = 1e9, .min_sample_size = 1});
   ASSERT_TRUE(answer) << answer.error().message();
-  ASSERT_EQ(answer->levels.size(), 3u);
-  EXPECT_EQ(answer->levels[0].out_of_sample.value().scenarios, 3);
-  EXPECT_EQ(answer->levels[0].out_of_sample.value().infeasible, 1);
+  ASSERT_EQ(answer->stages.size(), 3u);
+  EXPECT_EQ(answer->stages[0].out_of_sample.value().scenarios, 3);
+  EXPECT_EQ(answer->stages[0].out_of_sample.value().infeasible, 1);
   EXPECT_EQ(answer->end, ScenarioEnd::samples);
   EXPECT_NEAR(answer->x[0], 2.0, 1e-9);
 }
@@ -238,9 +238,9 @@ TEST(Scenarios, KeepTheNewestPlanWhenTheyAreStopped) {
   const Target target;
   std::stop_source source;
   const auto stopped = solve_scenarios(target.problem({1.0, 2.0, 3.0, 4.0}),
-                                       {.level =
-                                            [&](const ScenarioLevel& level) {
-                                              if (level.scenarios == 2) source.request_stop();
+                                       {.stage =
+                                            [&](const SampleAverageStage& stage) {
+                                              if (stage.scenarios == 2) source.request_stop();
                                             }},
                                        {.stop = source.get_token()});
   ASSERT_TRUE(stopped) << stopped.error().message();
@@ -255,7 +255,7 @@ TEST(Scenarios, KeepTheNewestPlanWhenTheyAreStopped) {
   EXPECT_EQ(late->scenarios, 0);
 }
 
-TEST(Scenarios, EndWhereTheNextLevelIsTooLarge) {
+TEST(Scenarios, EndWhereTheNextStageIsTooLarge) {
   const OneNumberScenarios rocket = examples::rocket_by_altitude();
   const ScenarioProblem problem = rocket.scenarios(spread(64, 3.0, 4.8));
   const auto answer = solve_scenarios(problem, {.max_sample_size = 64}, {}, {.most_bytes = 20'000'000});
@@ -267,7 +267,7 @@ TEST(Scenarios, EndWhereTheNextLevelIsTooLarge) {
   EXPECT_EQ(none.error().code, ErrorCode::resource_exhausted);
 }
 
-TEST(Scenarios, FirstLevelThatDoesNotFitIsRefusedBeforeItsScenariosAreDrawn) {
+TEST(Scenarios, InitialSampleThatDoesNotFitIsRefusedBeforeItsScenariosAreDrawn) {
   const OneNumberScenarios rocket = examples::rocket_by_altitude();
   ScenarioProblem problem = rocket.scenarios(spread(64, 3.0, 4.8));
   problem.scenarios = 1'000'000;
@@ -282,13 +282,13 @@ TEST(Scenarios, FirstLevelThatDoesNotFitIsRefusedBeforeItsScenariosAreDrawn) {
   EXPECT_EQ(none.error().code, ErrorCode::resource_exhausted);
   EXPECT_EQ(none.error().field, "scenarios");
   EXPECT_EQ(drawn, 1);
-  const auto refused = check_first_level(problem, settings, 100'000'000);
+  const auto refused = check_initial_sample(problem, settings, 100'000'000);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().field, "settings.initial_sample_size");
-  EXPECT_TRUE(check_first_level(problem, {}, 100'000'000));
+  EXPECT_TRUE(check_initial_sample(problem, {}, 100'000'000));
 }
 
-TEST(Scenarios, LevelThatDoesNotFitLeavesTheAnswerOfTheLevelBefore) {
+TEST(Scenarios, StageThatDoesNotFitLeavesTheAnswerOfTheStageBefore) {
   const OneNumberScenarios rocket = examples::rocket_by_altitude();
   ScenarioProblem problem = rocket.scenarios(spread(64, 3.0, 4.8));
   problem.scenarios = 1'000'000;
@@ -303,7 +303,7 @@ TEST(Scenarios, LevelThatDoesNotFitLeavesTheAnswerOfTheLevelBefore) {
   EXPECT_EQ(answer->end, ScenarioEnd::too_large);
   EXPECT_EQ(answer->status, Status::solved);
   EXPECT_EQ(answer->scenarios, 1);
-  EXPECT_LE(drawn, 100) << "none for a level that is not built";
+  EXPECT_LE(drawn, 100) << "none for a stage that is not built";
 }
 
 TEST(Scenarios, DrawingEndsWithTheStopToken) {

@@ -97,7 +97,7 @@ struct JobInfo {
   std::int64_t updates = 0;                                 ///< for a session, completed updates
   std::int64_t memory_bytes = 0;                            ///< of its solver, as counted against the limits
   std::int64_t result_bytes = 0;                            ///< of its result, if the server keeps it
-  std::vector<ScenarioLevel> levels = {};                   ///< of a scenario solve so far, without x
+  std::vector<SampleAverageStage> stages = {};              ///< of a scenario solve so far, without x
   std::string detail;                                       ///< the numbers that justify the status
   std::string trace_id;          ///< of the W3C traceparent sent with it; may be empty
   std::string server;            ///< with a shared store: the server that runs it, or ran it last; else empty

@@ -58,7 +58,8 @@ JobInfo job_info(const v1::JobInfo& m) {
   job.updates = m.updates();
   job.memory_bytes = m.memory_bytes();
   job.result_bytes = m.result_bytes();
-  for (const v1::ScenarioLevel& level : m.scenario_levels()) job.levels.push_back(scenario_level_of(level));
+  for (const v1::SampleAverageStage& stage : m.sample_average_stages())
+    job.stages.push_back(sample_average_stage_of(stage));
   job.detail = m.detail();
   job.trace_id = m.trace_id();
   job.server = m.server();

@@ -22,8 +22,8 @@ Expected<RemoteScenarios> solve_scenarios_remotely(const Connection& connection,
   v1::SolveResponse result;
   const auto last = read_events(*reader, controls.progress, controls.activity, call, controls.stop,
                                 [&](const v1::SolveStreamResponse& event) {
-                                  if (event.has_level() && settings.level)
-                                    settings.level(scenario_level_of(event.level()));
+                                  if (event.has_stage() && settings.stage)
+                                    settings.stage(sample_average_stage_of(event.stage()));
                                   if (event.has_result()) result = event.result();
                                 });
   if (!last) return unexpected(last.error());

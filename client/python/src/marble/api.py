@@ -52,7 +52,7 @@ from marble.model.scenarios import (
     OutOfSample,
     Quantity,
     ScenarioEnd,
-    ScenarioLevel,
+    SampleAverageStage,
     Scenarios,
     ScenarioSolution,
 )
@@ -103,7 +103,7 @@ __all__ = [
     "RowResponse",
     "ScenarioSolution",
     "ScenarioEnd",
-    "ScenarioLevel",
+    "SampleAverageStage",
     "Scenarios",
     "Sensitivity",
     "SensitivityAnswer",

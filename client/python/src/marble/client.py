@@ -26,7 +26,7 @@ from marble.model.coupled import Coupled, CoupledSolution, Segments, SegmentsSol
 from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem, problem_of, without_objective
-from marble.model.scenarios import ScenarioLevel, Scenarios, ScenarioSolution
+from marble.model.scenarios import SampleAverageStage, Scenarios, ScenarioSolution
 from marble.model.solution import Progress, Solution
 from marble.transport.handle import SolveHandle
 from marble.transport.local import LocalTransport
@@ -126,18 +126,19 @@ class Client(Connected):
         return self._transport.run(SolveRequest(without_objective(problem), call, progress), deadline)
 
     def scenarios(self, /, problem: LCQP | Problem, scenarios: Scenarios | None = None, *,
-                  level: Callable[[ScenarioLevel], object] | None = None, options: Mapping[str, Any] | None = None,
+                  stage: Callable[[SampleAverageStage], object] | None = None, options: Mapping[str, Any] | None = None,
                   priority: Priority | str | None = None, progress: ProgressOption = None,
                   deadline: float | None = None, request_id: str = "", progress_interval: float = 0.0,
                   **parts: Any) -> ScenarioSolution:
         """Solves a two-stage problem: min Σ π q(x, y_s) over x and a recourse y_s in every sampled scenario.
 
         problem: the base over x and y. scenarios, or its parts by their names: first_stage=…, sampler=…, seed=0, …; see
-        Scenarios; other names are options. level: receives each ScenarioLevel on this thread. All else as in solve.
+        Scenarios; other names are options. stage: receives each SampleAverageStage on this thread. All else as in
+        solve.
         """
         asked, options = two_stage.split(scenarios, parts, options)
         call = Call(options, priority, request_id, progress_interval)
-        return self._transport.run(two_stage.ScenarioRequest(problem, asked, call, progress, level), deadline)
+        return self._transport.run(two_stage.ScenarioRequest(problem, asked, call, progress, stage), deadline)
 
     def coupled(self, /, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None],
                 coupling_rhs: ArrayLike, *,

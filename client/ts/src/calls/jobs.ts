@@ -48,8 +48,8 @@ import { type Limits, Patience, repeated } from "./patience.js";
 import {
   type ScenarioSolution,
   type ScenarioControls,
-  type ScenarioLevel,
-  levelOf,
+  type SampleAverageStage,
+  stageOf,
   messageOf,
   scenarioSolutionOf,
 } from "./scenarios.js";
@@ -62,7 +62,7 @@ export type JobKind = Words<typeof KindNumber, "JOB_KIND_">;
 /** The state of a job; "idle" is a session between updates. */
 export type JobState = Words<typeof StateNumber, "JOB_STATE_">;
 
-type WordFields = "scenarioLevels" | "kind" | "state" | "priority" | "status" | "error" | "violations" | "times";
+type WordFields = "sampleAverageStages" | "kind" | "state" | "priority" | "status" | "error" | "violations" | "times";
 type TreeFields = "incumbent" | keyof Tree;
 
 /** Information about one job, without its problem and the vectors of its solution. */
@@ -78,8 +78,8 @@ export interface JobInfo extends Omit<JobInfoMessage, WordFields | TreeFields>, 
   /** With option global_search, the objective of the best point so far; Infinity if there is none. */
   incumbent: number;
   times: Times;
-  /** Levels of a problem with scenarios so far. */
-  scenarioLevels: ScenarioLevel[];
+  /** Stages of a problem with scenarios so far. */
+  sampleAverageStages: SampleAverageStage[];
 }
 
 /** Both sides of all pairs at one iteration. */
@@ -334,7 +334,7 @@ function infoOf(message: JobInfoMessage): JobInfo {
     incumbent: message.incumbent ?? Infinity,
     ...treeOf(message),
     times: timesOf(message.times),
-    scenarioLevels: message.scenarioLevels.map(levelOf),
+    sampleAverageStages: message.sampleAverageStages.map(stageOf),
   };
 }
 

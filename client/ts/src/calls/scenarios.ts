@@ -13,7 +13,7 @@ import { type SolveResponse, SolverService } from "../generated/marble/v1/servic
 import {
   type OutOfSample,
   ScenarioEnd as EndNumber,
-  type ScenarioLevel as LevelMessage,
+  type SampleAverageStage as StageMessage,
   Status as StatusNumber,
 } from "../generated/marble/v1/solution.js";
 import type { Problem } from "../model/problem.js";
@@ -80,27 +80,27 @@ export interface ScenarioControls extends Omit<RequestControls, "initialPoint" |
   minSampleSize?: number;
   /** Maximum fraction of out-of-sample scenarios without feasible recourse for this; default 0.05. */
   maxInfeasibleFraction?: number;
-  /** Minimum number of out-of-sample scenarios per level; default 16. */
+  /** Minimum number of out-of-sample scenarios per stage; default 16. */
   outOfSampleScenarios?: number;
-  /** Called after every level. */
-  onLevel?: (level: ScenarioLevel) => void;
+  /** Called after every stage. */
+  onStage?: (stage: SampleAverageStage) => void;
   /** Called for every iteration. */
   onProgress?: (row: Progress) => void;
   /** Minimum time between two rows of progress, in seconds; default 0: every iteration. */
   progressIntervalS?: number;
 }
 
-/** The result of a level: the problem with one sample of scenarios. */
-export interface ScenarioLevel extends Omit<LevelMessage, "status" | "outOfSample"> {
+/** The result of a stage: the problem with one sample of scenarios. */
+export interface SampleAverageStage extends Omit<StageMessage, "status" | "outOfSample"> {
   status: Status | "unknown";
   /** The cost of its plan in out-of-sample scenarios: mean ± halfWidth is the 95 % interval. Absent without any. */
   outOfSample?: OutOfSample;
 }
 
-/** The plan of the newest solved level. */
+/** The plan of the newest solved stage. */
 export interface ScenarioSolution {
   end: Words<typeof EndNumber, "SCENARIO_END_"> | "unknown";
-  /** The sample size of that level; 0 if no level was solved. */
+  /** The sample size of that stage; 0 if no stage was solved. */
   scenarios: number;
   /** The plan, in the order of firstStage. */
   x: Float64Array;
@@ -108,8 +108,8 @@ export interface ScenarioSolution {
   recourse: Float64Array[];
   /** Scenarios that are infeasible even alone. */
   infeasible: number[];
-  levels: ScenarioLevel[];
-  /** The solution of the level's LCQP; z consists of x and the recourse of each scenario. */
+  stages: SampleAverageStage[];
+  /** The solution of the stage's LCQP; z consists of x and the recourse of each scenario. */
   solution: Solution;
 }
 
@@ -125,7 +125,7 @@ export async function scenarios(
   };
   const messages = serverStream(connection, SolverService.solveScenarios, request, controls, connection.deadlineMs);
   for await (const { event } of messages) {
-    if (event?.$case === "level") controls.onLevel?.(levelOf(event.value));
+    if (event?.$case === "stage") controls.onStage?.(stageOf(event.value));
     if (event?.$case === "progress" && controls.onProgress) event.value.rows.map(progressOf).forEach(controls.onProgress);
     if (event?.$case === "result") return scenarioSolutionOf(event.value);
   }
@@ -150,12 +150,12 @@ export function scenarioSolutionOf(response: SolveResponse): ScenarioSolution {
       return solution.z.slice(first, first + own);
     }),
     infeasible: scenarios.infeasible,
-    levels: scenarios.levels.map(levelOf),
+    stages: scenarios.stages.map(stageOf),
     solution,
   };
 }
 
-export function levelOf(message: LevelMessage): ScenarioLevel {
+export function stageOf(message: StageMessage): SampleAverageStage {
   return { ...message, status: word(StatusNumber, "STATUS_", message.status) ?? "unknown" };
 }
 

@@ -261,7 +261,7 @@ export const largestPage = 10000;
 export const defaultPage = 100;
 
 /** Sample-average stages of one request with scenarios. */
-export const mostLevels = 128;
+export const mostStages = 128;
 
 /** Entries of a vector, and rows of a matrix: below 2^28. */
 export const mostRows = 268435455;

@@ -4,7 +4,7 @@
 //   min  Σ π_s q(x, y_s; ξ_s)   s.t. rows of x alone, once;   rows and pairs of (x, y_s; ξ_s), for every s
 //
 // The average over N samples is an LCQP that grows with N. It is solved for more and more samples, each
-// sample-average stage (level) from the solution of the last one (retrospective approximation; S. Gupta, R.
+// sample-average stage from the solution of the last one (retrospective approximation; S. Gupta, R.
 // Bollapragada, A. Berahas, "Retrospective Approximation for Stochastic Constrained Problems Using Sequential
 // Quadratic Programming").
 //
@@ -85,8 +85,8 @@ struct OutOfSample {
 };
 
 /// The result of one sample-average stage.
-struct ScenarioLevel {
-  std::int32_t level = 0;                     ///< from 0
+struct SampleAverageStage {
+  std::int32_t stage = 0;                     ///< from 0
   std::int64_t scenarios = 0;                 ///< N: the scenarios 0 … N − 1
   Status status = Status::numerical_failure;  ///< of its LCQP
   std::string detail;                         ///< of its LCQP, as Solution::detail
@@ -119,7 +119,7 @@ struct ScenarioSettings {
   /// ≥ 0, for each stage: minimum number of out-of-sample scenarios; those that the next stage adds are tried
   /// anyway. 0: no scenarios beyond the last stage are drawn, and its plan is not tried.
   std::int64_t out_of_sample_scenarios = 16;
-  std::function<void(const ScenarioLevel&)> level = {};  ///< called after every stage
+  std::function<void(const SampleAverageStage&)> stage = {};  ///< called after every stage
 };
 
 /// The newest plan that a stage has confirmed.
@@ -140,7 +140,7 @@ struct ScenarioSolution {
   /// Scenarios that have no plan even alone, ascending: their own LCQPs ended infeasible or
   /// locally_infeasible. Determined if a stage has no solution.
   std::vector<std::int64_t> infeasible;
-  std::vector<ScenarioLevel> levels;  ///< without x
+  std::vector<SampleAverageStage> stages;  ///< without x
 };
 
 /// Solves one sample-average stage after the other. The solution is the same to the bit with and without a
@@ -163,8 +163,8 @@ struct ScenarioSolution {
 /// Checks whether the first stage may fit into memory: its numbers, its LCQP and the minimum that a solver of
 /// it needs, judged by sizes alone. Calls `sample` only for scenario 0. Errors: resource_exhausted of the
 /// field "settings.initial_sample_size"; those of `sample`.
-[[nodiscard]] Expected<void> check_first_level(const ScenarioProblem& problem,
-                                               const ScenarioSettings& settings, std::int64_t most_bytes);
+[[nodiscard]] Expected<void> check_initial_sample(const ScenarioProblem& problem,
+                                                  const ScenarioSettings& settings, std::int64_t most_bytes);
 
 /// Returns the LCQP of these scenarios, as a stage solves it: variables [x, y_0, y_1, …]; rows and pairs of x
 /// alone, then those of each scenario. Errors: as solve_scenarios.

@@ -12,7 +12,7 @@ from marble.base.fields import named
 from marble.base.tables import Status
 from marble.model.conflict import Conflict, Indices
 from marble.model.lcqp import Vector
-from marble.model.scenarios import ScenarioLevel
+from marble.model.scenarios import SampleAverageStage
 from marble.model.solution import Progress, Times, Violations
 
 
@@ -64,7 +64,7 @@ class Job:
     ended, None while it has not, or where error (a google.rpc.Status) says why there is no solution. updates: of a
     session, with a result. memory_bytes: of the solver. result_bytes: of the stored result. trace_id: of the W3C
     traceparent of the request. server: of servers that share a store, the one that runs it or ran it last; of submitted
-    jobs, empty before one has. levels: of a scenario solve, so far. activity: what it is doing, in words, while it
+    jobs, empty before one has. stages: of a scenario solve, so far. activity: what it is doing, in words, while it
     runs; else empty. array: the progress of an array.
     proved, incumbent, bound, gap, nodes, open_nodes: of option global_search, as in Solution and Progress, so far.
     """
@@ -103,7 +103,7 @@ class Job:
     result_bytes: int
     trace_id: str
     server: str
-    levels: tuple[ScenarioLevel, ...] = field(default=(), metadata=named("scenario_levels"))
+    stages: tuple[SampleAverageStage, ...] = field(default=(), metadata=named("sample_average_stages"))
     activity: str = field(default="", metadata=named("activity.text"))
     array: ArrayProgress | None = None
 

@@ -20,7 +20,7 @@ from marble.message.wire import Encoder
 from marble.model import scenarios as model
 from marble.model.lcqp import LCQP, Vector
 from marble.model.problem import Problem, compiled
-from marble.model.scenarios import Quantity, ScenarioLevel, ScenarioOutcome, Scenarios, ScenarioSolution
+from marble.model.scenarios import Quantity, SampleAverageStage, ScenarioOutcome, Scenarios, ScenarioSolution
 
 SETTINGS: Final = ("initial_sample_size", "growth", "max_sample_size", "tolerance", "min_sample_size",
                    "max_infeasible_fraction", "out_of_sample_scenarios")
@@ -109,15 +109,15 @@ class ScenarioRequest(Solve[ScenarioSolution]):
     method, streams = "Solver/SolveScenarios", True
 
     def __init__(self, problem: LCQP | Problem, scenarios: Scenarios, call: Call, progress: ProgressOption,
-                 level: Callable[[ScenarioLevel], object] | None) -> None:
+                 stage: Callable[[SampleAverageStage], object] | None) -> None:
         super().__init__(call, progress)
-        self._problem, self._scenarios, self.level = problem, scenarios, level
+        self._problem, self._scenarios, self.stage = problem, scenarios, stage
 
     def wrap(self, wrapper: Callable[[Callable[..., object]], Callable[..., object]]) -> None:
         """See Request."""
         super().wrap(wrapper)
-        if self.level is not None:
-            self.level = wrapper(self.level)
+        if self.stage is not None:
+            self.stage = wrapper(self.stage)
 
     def encode(self) -> bytes:
         """See Request."""
@@ -145,9 +145,9 @@ class ScenarioRequest(Solve[ScenarioSolution]):
                  [(number(part), np.flatnonzero(gains), gains[np.flatnonzero(gains)]) for part, gains in moves.items()
                   if gains.any()])
                 for one, moves in drawn.quantities])
-        level = self.level
-        report_level = None if level is None else lambda values: level(records.of_core(ScenarioLevel, values))
-        values = run.core.solve_scenarios(lcqp, core_options(self.call.options), asked, report_level,
+        stage = self.stage
+        report_stage = None if stage is None else lambda values: stage(records.of_core(SampleAverageStage, values))
+        values = run.core.solve_scenarios(lcqp, core_options(self.call.options), asked, report_stage,
                                           run.call(lcqp, self.call, self.report))
         outcome = records.of_core(ScenarioOutcome, values.pop("scenarios"), first_stage=drawn.plan.size)
         return model.solution_of(answers.core_solution(values, None), outcome)

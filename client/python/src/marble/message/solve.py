@@ -11,7 +11,7 @@ from marble.message.request import Request, Run, core_options
 from marble.message.requests import Call
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled, in_terms_of
-from marble.model.scenarios import ScenarioLevel
+from marble.model.scenarios import SampleAverageStage
 from marble.model.solution import Solution
 
 Result = TypeVar("Result")
@@ -20,10 +20,11 @@ Result = TypeVar("Result")
 class Solve(Request[Result]):
     """A solve whose response is a SolveResponse, or the last event of a stream.
 
-    call: what accompanies it. accepted: receives the id of the job. level: receives each ScenarioLevel; None for none.
+    call: what accompanies it. accepted: receives the id of the job. stage: receives each SampleAverageStage; None for
+    none.
     """
 
-    level: Callable[[ScenarioLevel], object] | None = None
+    stage: Callable[[SampleAverageStage], object] | None = None
 
     def __init__(self, call: Call, progress: ProgressOption) -> None:
         self.call = call
@@ -46,8 +47,8 @@ class Solve(Request[Result]):
             answers.report_rows(message, self.report)
         elif kind == "accepted":
             self.accepted(message.accepted.job_id)
-        elif kind == "level" and self.level is not None:
-            self.level(records.read(ScenarioLevel, message.level))
+        elif kind == "stage" and self.stage is not None:
+            self.stage(records.read(SampleAverageStage, message.stage))
         return None
 
     def _result(self, response: Any, arrays: records.Arrays, path: str) -> Result:

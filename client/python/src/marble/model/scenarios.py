@@ -59,7 +59,7 @@ class Scenarios:
     - a list of Quantity: they are drawn by the solver.
 
     seed: of the generators; scenario i is a function of the seed and i alone. weights: of a mapping's scenarios, > 0.
-    initial_sample_size, growth, max_sample_size: levels have N = initial_sample_size · growth^k scenarios up to the
+    initial_sample_size, growth, max_sample_size: stages have N = initial_sample_size · growth^k scenarios up to the
     most. tolerance: ends when the 95 % interval of the out-of-sample cost is this part of it; 0 never, and not before N
     is min_sample_size, nor while a larger share of these scenarios than max_infeasible_fraction is infeasible.
     out_of_sample_scenarios: in how many out-of-sample scenarios a plan is tried at least.
@@ -102,7 +102,7 @@ class Drawn:
 
 
 class ScenarioEnd(enum.Enum):
-    """Why the levels ended. NOT_SOLVED: the last one has another end than solved, see status. TOO_LARGE: the next one
+    """Why the stages ended. NOT_SOLVED: the last one has another end than solved, see status. TOO_LARGE: the next one
     needs more memory than allowed.
     """
 
@@ -131,16 +131,16 @@ class OutOfSample:
 
 
 @dataclass(frozen=True)
-class ScenarioLevel:
-    """The result of a level.
+class SampleAverageStage:
+    """The result of a stage.
 
-    level: from 0. scenarios: N, those numbered 0 … N − 1. status, detail, objective: of its LCQP; the objective is the
+    stage: from 0. scenarios: N, those numbered 0 … N − 1. status, detail, objective: of its LCQP; the objective is the
     mean over the N. variables, pairs, factorizations, seconds, memory_bytes: of its LCQP. warm: it kept the branch of
-    the level before. searched: it was solved cold too. out_of_sample: its plan out of sample; None where that was not
+    the stage before. searched: it was solved cold too. out_of_sample: its plan out of sample; None where that was not
     tried.
     """
 
-    level: int
+    stage: int
     scenarios: int
     status: Status
     detail: str
@@ -157,24 +157,24 @@ class ScenarioLevel:
 
 @dataclass(eq=False, repr=False)
 class ScenarioOutcome:
-    """What a scenario solve returns beside the solution of its last level; see ScenarioSolution."""
+    """What a scenario solve returns beside the solution of its last stage; see ScenarioSolution."""
 
     end: ScenarioEnd
     scenarios: int
     first_stage: int
     infeasible: tuple[int, ...]
-    levels: tuple[ScenarioLevel, ...]
+    stages: tuple[SampleAverageStage, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class ScenarioSolution:
-    """The newest plan of a solved level.
+    """The newest plan of a solved stage.
 
-    end: why it ended. status, detail: of the last level; TIME_LIMIT and CANCELLED where that ended it.
-    scenarios: N of the level that x is of; 0 where none was solved, and all is empty. x: the plan, in the order of
+    end: why it ended. status, detail: of the last stage; TIME_LIMIT and CANCELLED where that ended it.
+    scenarios: N of the stage that x is of; 0 where none was solved, and all is empty. x: the plan, in the order of
     first_stage. recourse: N rows, the other variables of each scenario in their order. objective, violations: over the
-    N. infeasible: numbers of scenarios that are infeasible even by themselves. levels: all of them.
-    solution: of the level's LCQP, whose z is x and then each scenario's recourse, rows and pairs likewise.
+    N. infeasible: numbers of scenarios that are infeasible even by themselves. stages: all of them.
+    solution: of the stage's LCQP, whose z is x and then each scenario's recourse, rows and pairs likewise.
     """
 
     end: ScenarioEnd
@@ -186,7 +186,7 @@ class ScenarioSolution:
     objective: float
     violations: Violations
     infeasible: tuple[int, ...]
-    levels: tuple[ScenarioLevel, ...]
+    stages: tuple[SampleAverageStage, ...]
     solution: Solution = field(repr=False)
     job_id: str = ""
 
@@ -309,9 +309,9 @@ def drawn(problem: LCQP | Problem, asked: Scenarios) -> Drawn:
 
 
 def solution_of(solution: Solution, outcome: ScenarioOutcome) -> ScenarioSolution:
-    """The plan and the recourses in the solution of the last level's LCQP."""
+    """The plan and the recourses in the solution of the last stage's LCQP."""
     x, rest = solution.z[:outcome.first_stage], solution.z[outcome.first_stage:]
     return ScenarioSolution(
         outcome.end, solution.status, solution.detail, outcome.scenarios, x,
         rest.reshape(outcome.scenarios, -1) if outcome.scenarios else np.zeros((0, 0)), solution.objective,
-        solution.violations, outcome.infeasible, outcome.levels, solution, solution.job_id)
+        solution.violations, outcome.infeasible, outcome.stages, solution, solution.job_id)

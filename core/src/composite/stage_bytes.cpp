@@ -1,4 +1,4 @@
-#include "composite/level_bytes.h"
+#include "composite/stage_bytes.h"
 
 #include "solver/solver_bytes.h"
 
@@ -12,7 +12,7 @@ double bytes_of(const ScenarioNumbers& numbers) {
   return static_cast<double>(sizeof(ScenarioNumbers) + count * sizeof(double));
 }
 
-double level_bytes(const Stages& stages, double scenarios, double scenario_bytes, const Options& options) {
+double stage_bytes(const Stages& stages, double scenarios, double scenario_bytes, const Options& options) {
   return scenarios * (scenario_bytes + 2.0 * stages.part_bytes() + sizeof(double)) +
          stages.assembled_bytes(scenarios) + 2.0 * stages.answer_bytes(scenarios) +
          least_solver_bytes(stages.assembled_sizes(scenarios), options);

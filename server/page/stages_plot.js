@@ -1,11 +1,11 @@
-// Levels of a problem with scenarios: the cost of the plan in its sample, and the interval of its out-of-sample cost.
+// Stages of a problem with scenarios: the cost of the plan in its sample, and the interval of its out-of-sample cost.
 
 import { make } from "./dom.js";
 import { duration, real, whole } from "./format.js";
 
 /** The position of each finite value in per cent, with room at the ends. */
-export function scaleOf(levels) {
-  const ends = levels.flatMap(({ objective, out_of_sample: sample }) => [objective, ...(sample ? [sample.mean - sample.half_width, sample.mean + sample.half_width] : [])]);
+export function scaleOf(stages) {
+  const ends = stages.flatMap(({ objective, out_of_sample: sample }) => [objective, ...(sample ? [sample.mean - sample.half_width, sample.mean + sample.half_width] : [])]);
   const known = ends.filter(Number.isFinite);
   const low = Math.min(...known);
   const span = Math.max(...known) - low || Math.max(1, Math.abs(low));
@@ -34,20 +34,20 @@ function sampleCells(sample) {
   return [`${real(sample.mean)}${half}`, sample.infeasible > 0 ? `${whole(sample.infeasible)} of ${whole(sample.scenarios)}` : "none"];
 }
 
-/** One row per level, with its interval as a bar and its cost as a mark. */
-export function showLevels(place, levels) {
-  const at = scaleOf(levels);
+/** One row per stage, with its interval as a bar and its cost as a mark. */
+export function showStages(place, stages) {
+  const at = scaleOf(stages);
   const head = ["scenarios", "", "cost", "out of sample, 95 %", "without recourse", "factorizations", "time"];
-  const rows = levels.map((level) => {
-    const solved = level.status.startsWith("solved");
-    const cells = [solved ? real(level.objective) : level.status.replaceAll("_", " "), ...sampleCells(level.out_of_sample), whole(level.factorizations), duration(level.seconds)];
-    return make("tr", {}, make("th", { scope: "row" }, whole(level.scenarios)), make("td", { class: "interval-cell" }, interval(level, at)), ...cells.map((cell) => make("td", {}, cell)));
+  const rows = stages.map((stage) => {
+    const solved = stage.status.startsWith("solved");
+    const cells = [solved ? real(stage.objective) : stage.status.replaceAll("_", " "), ...sampleCells(stage.out_of_sample), whole(stage.factorizations), duration(stage.seconds)];
+    return make("tr", {}, make("th", { scope: "row" }, whole(stage.scenarios)), make("td", { class: "interval-cell" }, interval(stage, at)), ...cells.map((cell) => make("td", {}, cell)));
   });
   place.replaceChildren(
     make(
       "table",
       { class: "numbers" },
-      make("caption", { class: "visually-hidden" }, "Levels of the problem with scenarios"),
+      make("caption", { class: "visually-hidden" }, "Stages of the problem with scenarios"),
       make("thead", {}, make("tr", {}, ...head.map((text) => make("th", { scope: "col" }, text)))),
       make("tbody", {}, ...rows),
     ),
