@@ -44,7 +44,7 @@ struct InPieces {
   int cuts = 0, factorizations = 0;
 };
 
-InPieces solve_in_pieces(const OwnedProblem& p, int rows) {
+InPieces solve_interrupted(const OwnedProblem& p, int rows) {
   WarmSolver solver = solver_of(p);
   InPieces result;
   while (true) {
@@ -59,7 +59,7 @@ void expect_solved_in_pieces(const OwnedProblem& p, const std::string& name) {
   const Solution whole = solve_in_process(p.view()).value();
   ASSERT_EQ(whole.status, Status::solved) << name;
   for (const int rows : {2, 3, 5}) {
-    const InPieces parts = solve_in_pieces(p, rows);
+    const InPieces parts = solve_interrupted(p, rows);
     ASSERT_EQ(parts.solution.status, Status::solved)
         << name << ", rows " << rows << ": " << parts.solution.detail;
     EXPECT_EQ(parts.solution.origin, PointOrigin::solve);
@@ -87,7 +87,7 @@ TEST(InterruptedSolve, WithoutPairsGoesOnInTheInteriorPointMethod) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const OwnedProblem p =
         testing::random_problem({.variables = 40, .equalities = 6, .inequalities = 30, .pairs = 0}, seed);
-    const InPieces parts = solve_in_pieces(p, 3);
+    const InPieces parts = solve_interrupted(p, 3);
     ASSERT_EQ(parts.solution.status, Status::solved) << "seed " << seed;
     EXPECT_GE(parts.cuts, 1) << "seed " << seed;
     const double objective = solve_in_process(p.view())->objective;
