@@ -51,8 +51,8 @@ from marble.model.problem import Problem
 from marble.model.scenarios import (
     OutOfSample,
     Quantity,
-    ScenarioEnd,
     SampleAverageStage,
+    ScenarioEnd,
     Scenarios,
     ScenarioSolution,
 )
