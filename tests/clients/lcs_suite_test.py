@@ -1,0 +1,144 @@
+"""Contact-implicit MPC in closed loop (loadtest/suite/lcs): one run from end to end, and that the peers are what they are
+called."""
+
+import csv
+import itertools
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import mujoco
+import numpy as np
+
+import marble
+from marble.lcs import LCS, linearizer
+from marble.model import problem_file
+
+SUITE = pathlib.Path(__file__).resolve().parents[2] / "loadtest/suite/lcs"
+sys.path.insert(0, str(SUITE))
+
+import consensus  # noqa: E402
+import controllers  # noqa: E402
+import ilqr  # noqa: E402
+import loop  # noqa: E402
+from tasks import TASKS  # noqa: E402
+
+
+def at_start(task):
+    """A task's model, and what a controller sees at the start of its nominal scenario."""
+    model, scenario = task.load(), task.of_seed(0)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = scenario.q, scenario.v
+    mujoco.mj_forward(model, data)
+    now = linearizer(model, data, dt=task.dt, **task.contacts)(data)
+    return model, loop.View(data, now, loop.targets(task, scenario, now, data))
+
+
+class ClosedLoop(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        cls.folder = pathlib.Path(folder.name)
+        run = subprocess.run([sys.executable, SUITE / "compare", "--tasks", "cart_pole_10", "--seeds", "1", "--csv",
+                              cls.folder / "runs.csv", "--controllers", "none", "marble", "--steps",
+                              cls.folder / "steps", "--above", "100"],
+                             capture_output=True, text=True, check=True, env={**os.environ, "MARBLE_SERVER": ""})
+        cls.printed = run.stdout
+        with (cls.folder / "runs.csv").open(encoding="utf-8") as file:
+            cls.runs = {row["controller"]: row for row in csv.DictReader(file)}
+
+    def test_the_planner_does_what_no_control_does_not(self):
+        self.assertEqual(self.runs["marble"]["done"], "True")
+        self.assertEqual(self.runs["none"]["done"], "False")
+        self.assertLess(float(self.runs["marble"]["cost"]), float(self.runs["none"]["cost"]))
+
+    def test_every_plan_is_solved_complementary_and_not_above_its_roll_out(self):
+        self.assertEqual(int(self.runs["marble"]["unsolved"]), 0)
+        self.assertLess(float(self.runs["marble"]["complementarity_worst"]), 1e-9)
+        self.assertLess(float(self.runs["marble"]["above_start_worst"]), 1e-6)
+        self.assertIn("plans above their rolled-out start: 0", self.printed)
+
+    def test_slow_steps_are_written_with_their_start(self):
+        files = sorted(path for path in (self.folder / "steps/cart_pole_10_seed0").glob("*.json")
+                       if "before" not in path.name)
+        self.assertTrue(files)  # the first step is a cold solve
+        for path in files:
+            problem = problem_file.load(path)
+            solution = marble.solve(problem)
+            self.assertEqual(solution.status, marble.Status.SOLVED)
+            if problem.z0 is not None:
+                self.assertLess(np.abs(problem.A @ problem.z0 + problem.b).max(), 1e-9)
+                self.assertLess(solution.objective, problem.objective(problem.z0) + 1e-6)
+
+
+class Peers(unittest.TestCase):
+    def test_the_projection_of_c3_is_the_nearest_complementary_point(self):
+        random = np.random.default_rng(1)
+        n, m, k = 2, 2, 1
+        F = random.normal(size=(m, m))
+        lcs = LCS(np.eye(n), np.ones((n, k)), np.ones((n, m)), np.zeros(n), random.normal(size=(m, n)),
+                  F @ F.T + np.eye(m), random.normal(size=(m, k)), random.normal(size=m))
+        task = TASKS["cart_pole_10"]
+        _, view = at_start(task)
+        peer = consensus.Consensus(task, consensus.Options(plus=False, u_x=3.0, u_u=2.0), view)
+        peer._n, peer._m, peer._k = n, m, k
+        peer._U = np.array([3.0, 3, 1, 1, 2])
+        faces = peer._faces(lcs)
+        rows, offset, _ = faces
+        points = random.normal(size=(40, n + m + k))
+        near = peer._project(points, faces)
+        lam, slack = np.split(near @ rows.T + offset, 2, axis=1)
+        self.assertLess(np.abs(np.minimum(lam, slack)).max(), 1e-7)
+        for point, found in zip(points, near, strict=True):
+            best = min(self.nearest(point, peer._U, rows, offset, sides) for sides in
+                       itertools.product((0, 1), repeat=m))
+            self.assertAlmostEqual((found - point) ** 2 @ peer._U, best, delta=1e-5 * max(1, best))
+
+    @staticmethod
+    def nearest(point, weights, rows, offset, sides):
+        """The squared distance to a branch's polyhedron: a QP by Marble."""
+        m = len(sides)
+        zero = [j + m * side for j, side in enumerate(sides)]
+        solution = marble.solve(2 * np.diag(weights), -2 * weights * point, rows[zero], offset[zero], rows, offset)
+        return solution.objective + weights @ point**2
+
+    def test_the_projection_of_c3_plus_is_the_nearest_complementary_pair(self):
+        task = TASKS["cart_pole_10"]
+        _, view = at_start(task)
+        peer = consensus.Consensus(task, consensus.Options(plus=True, u_eta=9.0), view)
+        points = np.random.default_rng(2).normal(size=(50, peer._size))
+        near = peer._project(points, None)
+        lam, eta = near[:, peer._lam], near[:, peer._eta]
+        self.assertEqual(np.abs(np.minimum(lam, eta)).max(), 0)
+        a, b = points[:, peer._lam], points[:, peer._eta]
+        best = np.minimum(np.minimum(a, 0) ** 2 + 9 * b**2, a**2 + 9 * np.minimum(b, 0) ** 2)
+        self.assertLess(np.abs((lam - a) ** 2 + 9 * (eta - b) ** 2 - best).max(), 1e-12)
+
+    def test_both_solvers_of_the_qps_agree_where_no_input_is_at_a_bound(self):
+        task = TASKS["cart_pole_10"]
+        _, view = at_start(task)
+        view.now.u_min[:], view.now.u_max[:] = -1e3, 1e3
+        for name in ("c3", "c3plus"):
+            by_osqp, by_kkt = (controllers.controller(qp, task)(task, None, view).step(view)
+                               for qp in (name, f"{name}_kkt"))
+            self.assertLess(abs(by_osqp.u - by_kkt.u).max(), 0.05 * max(1, abs(by_kkt.u).max()))
+
+    def test_ilqr_lowers_the_cost_of_its_plan_and_is_no_worse_with_more_iterations(self):
+        task, costs = TASKS["cart_pole_10"], []
+        model, view = at_start(task)
+        for iterations in (1, 5, 20):
+            peer = ilqr.Ilqr(task, ilqr.Options(first_iterations=iterations), model, view)
+            start = (view.data.qpos.copy(), view.data.qvel.copy(), np.zeros(model.nv))
+            nothing = peer._roll_out(start, peer._targets(view), np.zeros_like(peer._U))[1]
+            peer.step(view)
+            costs.append(peer._roll_out(start, peer._targets(view), peer._U)[1])
+            self.assertLess(costs[-1], nothing)
+        self.assertEqual(costs, sorted(costs, reverse=True))
+
+
+if __name__ == "__main__":
+    unittest.main()
