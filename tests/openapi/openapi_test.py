@@ -147,7 +147,7 @@ class Description(ServedTest):
         block = {"problem": {"gradient": [-1], "hessian": {"rows": 1, "columns": 1, "column_pointers": [0, 1],
                                                             "row_indices": [0], "values": [1]}},
                  "coupling": {"rows": 1, "columns": 1, "column_pointers": [0, 1], "row_indices": [0], "values": [1]}}
-        coupled = {"coupled": {"blocks": [block, block], "total": [1]}}
+        coupled = {"coupled": {"blocks": [block, block], "coupling_rhs": [1]}}
         for request in (scenarios, coupled):
             check(request, {"$ref": "#/components/schemas/JobRequest"})
             job = self.submit(request)
