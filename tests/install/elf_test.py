@@ -18,7 +18,7 @@ import elf
 
 BUILD = pathlib.Path(sys.argv[1]).resolve()
 # Not of this build, or tried out where they are made.
-LEFT_OUT = ("CMakeFiles", "_deps", "packages", "trees", "wheels")
+LEFT_OUT = ("CMakeFiles", "_deps", "adapters", "packages", "trees", "wheels")
 FLAGS = ("-fstack-protector-strong", "-fstack-clash-protection", "-D_FORTIFY_SOURCE=2")
 
 
