@@ -78,9 +78,14 @@ bool BranchSearch::improve(Run& run, ConstVectorRef initial_z) {
   if (soft) from_soft_start(run, initial_z, last);
   if (incumbent_.best().objective < before) return soft;
   point_.restore(incumbent_.best().x, incumbent_.best().set);
-  if (search_.run(run, near_exact(tuning::search_patience), last) && search_.accepted() > 0)
-    static_cast<void>(incumbent_.solve_branch(run, "path, local search", tuning::engine_budget));
+  switch_near_incumbent(run, tuning::search_patience, last, "path, local search");
   return soft;
+}
+
+// Switches pairs from the incumbent's branch, at which the point is.
+void BranchSearch::switch_near_incumbent(Run& run, int patience, int last_factorization, const char* origin) {
+  if (search_.run(run, near_exact(patience), last_factorization) && search_.accepted() > 0)
+    static_cast<void>(incumbent_.solve_branch(run, origin, tuning::engine_budget));
 }
 
 bool BranchSearch::find(Run& run, ConstVectorRef initial_z, Stage& stage) {
@@ -261,8 +266,7 @@ void BranchSearch::search_near(Run& run, ConstVectorRef initial_z) {
   const Run::Polishing polishing(run);
   const int last = run.factorizations + options_.max_local_search_factorizations;
   point_.restore(incumbent_.best().x, incumbent_.best().set);
-  if (search_.run(run, near_exact(tuning::search_patience), last) && search_.accepted() > 0)
-    static_cast<void>(incumbent_.solve_branch(run, "warm start, local search", tuning::engine_budget));
+  switch_near_incumbent(run, tuning::search_patience, last, "warm start, local search");
   if (pulling(incumbent_) < tuning::many_pulling) return;
   from_soft_start(run, initial_z, std::min(last, run.factorizations + tuning::engine_budget), false,
                   incumbent_.best().objective);
@@ -287,9 +291,8 @@ bool BranchSearch::start_from(Run& run, const Iterate& solution, double referenc
     const int work = run.factorizations - before;
     small_change = work <= tuning::warm_small_change;
     const bool search = work > tuning::warm_tiny_change && options_.max_local_search_factorizations > 0;
-    if (search && pulling(incumbent_) > 0 && search_.run(run, near_exact(tuning::short_patience), last) &&
-        search_.accepted() > 0)
-      static_cast<void>(incumbent_.solve_branch(run, "warm start, local search", tuning::engine_budget));
+    if (search && pulling(incumbent_) > 0)
+      switch_near_incumbent(run, tuning::short_patience, last, "warm start, local search");
   } else {
     if (run.interrupted()) return false;
     if (!mend.resumes) point_.start_from_solution(solution);

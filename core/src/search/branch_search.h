@@ -83,6 +83,7 @@ class BranchSearch {
  private:
   void from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization, bool resumes = false,
                        double cutoff = std::numeric_limits<double>::infinity());
+  void switch_near_incumbent(Run& run, int patience, int last_factorization, const char* origin);
   int repeat(Run& run, int first, int most_factorizations);
   [[nodiscard]] FurtherStarts::Start next_start();
   [[nodiscard]] bool run_round(Run& run, int count, int most_factorizations, int made, int asked,

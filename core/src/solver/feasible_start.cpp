@@ -69,22 +69,19 @@ double Strategy::loss_to_violations(const ExactSolution& exact) const {
 
 double Strategy::noise_of_start() const { return tuning::exactness * (1.0 + std::abs(start_->objective)); }
 
-// Solves the branch of a feasible start before anything else, so that there is a solution however the run
-// ends.
-void Strategy::solve_start(Run& run, ConstVectorRef z) {
-  if (!take_start(z)) return;
+// Solves the branch of the start before anything else, so that there is a solution however the run ends.
+void Strategy::solve_start(Run& run) {
   incumbent_.clear();
   if (run.interrupted()) return;
   solve_branch_of_start(run);
   run.add_incumbent(problem_.user_objective(start_->objective));
 }
 
-// A step of a sequence with a feasible start, such as a roll-out, needs no cold start: the branch of the last
-// solution or that of the start has a solution that is not above the start, and a better one may be a few
-// switches away. Returns nothing if neither branch has an exact solution.
+// A step of a sequence with a feasible start, which was taken, such as a roll-out, needs no cold start: the
+// branch of the last solution or that of the start has a solution that is not above the start, and a better
+// one may be a few switches away. Returns nothing if neither branch has an exact solution.
 std::optional<Strategy::Answer> Strategy::step_from_start(Run& run, ConstVectorRef z,
                                                           const WarmStart& warm_start) {
-  if (!take_start(z)) return std::nullopt;
   incumbent_.clear();
   search_.begin(z);
   const auto is_found = [this] {
@@ -150,7 +147,7 @@ Strategy::Answer Strategy::not_above_warm_start(Run& run, Answer answer, ConstVe
   path_point_.x.all = answer.x->all;  // the solution may be the incumbent, which the start's branch replaces
   answer.x = &path_point_.x;
   const Vector kept = z;
-  solve_start(run, kept);
+  if (take_start(kept)) solve_start(run);
   return start_ ? not_above_start(run, std::move(answer), kept, true) : answer;
 }
 
@@ -173,7 +170,7 @@ bool Strategy::start_in_segments(Run& run, PathBranch branch) {
   branch_.point.start_from_solution(x);
   const Incumbent::Outcome outcome = incumbent_.solve_branch(run, "segments", tuning::engine_budget);
   const bool stays_a_start = outcome == Incumbent::Outcome::not_exact && !start_ && !incumbent_.exists();
-  if (stays_a_start) solve_start(run, x.z());
+  if (stays_a_start && take_start(x.z())) solve_start(run);
   return incumbent_.exists() && outcome != Incumbent::Outcome::no_better;
 }
 

@@ -34,8 +34,13 @@ Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z, const std::op
     return run_reference(run, warm_start ? ConstVectorRef(warm_start->solution->z()) : initial_z);
   start_.reset();
   std::optional<Answer> step;
-  if (how.keeps_start && warm_start) step = step_from_start(run, initial_z, *warm_start);
-  if (how.keeps_start && !start_) solve_start(run, initial_z);
+  if (how.keeps_start && take_start(initial_z)) {
+    if (warm_start) {
+      step = step_from_start(run, initial_z, *warm_start);
+    } else {
+      solve_start(run);
+    }
+  }
   Answer local = step ? *std::move(step)
                       : run_locally(run, initial_z, warm_start, how.resumes ? last : Stage::beginning);
   if (start_) local = not_above_start(run, std::move(local), initial_z, warm_start.has_value());

@@ -114,7 +114,7 @@ class Strategy {
   void solve_branch_of_start(Run& run);
   [[nodiscard]] double loss_to_violations(const ExactSolution& exact) const;
   [[nodiscard]] double noise_of_start() const;
-  void solve_start(Run& run, ConstVectorRef z);
+  void solve_start(Run& run);
   [[nodiscard]] std::optional<Answer> step_from_start(Run& run, ConstVectorRef z,
                                                       const WarmStart& warm_start);
   [[nodiscard]] bool start_in_segments(Run& run, PathBranch branch);
