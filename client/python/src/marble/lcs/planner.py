@@ -24,7 +24,7 @@ from marble.calls.shift import Shift, ShiftBlock
 from marble.connection.connect import server_of
 from marble.errors import DeadlineExceeded, InvalidArgument, Unavailable
 from marble.in_process.core import core, core_errors
-from marble.lcs.system import LCS, Array
+from marble.lcs.system import LCS, Array, one_each
 from marble.message import records
 from marble.message.request import core_options
 from marble.model.lcqp import LCQP, csc, numbers, vector
@@ -306,10 +306,4 @@ def _shaped(values: ArrayLike, field: str, shape: tuple[int, ...]) -> Array:
 
 
 def _limits(values: ArrayLike | None, field: str, size: int) -> Array | None:
-    if values is None:
-        return None
-    array = numbers(values, field, "an array of numbers")
-    if array.shape not in ((), (size,)):
-        raise InvalidArgument(field, f"must be one number, or have the shape ({size},)",
-                              value=f"of shape {array.shape}")
-    return np.ascontiguousarray(np.broadcast_to(array, (size,)))
+    return None if values is None else one_each(values, field, size)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +14,6 @@ from marble.lcs.controller import Controller
 from marble.lcs.statistics import ControlStatistics
 from marble.lcs.system import Array
 from marble.lcs.task import Task
-
-_SAME_TIME: Final = 1e-6  # relative to a step of the environment
 
 
 class Policy:
@@ -44,11 +42,7 @@ class Policy:
             raise InvalidArgument("env.action_space", f"must be {inner.action_space}, of {inner.model.nu} inputs",
                                   value=str(env.action_space))
         self.controller: Controller = Controller(inner.model, task, server=server, options=options, **more_options)
-        ratio = task.period_s / inner.dt
-        self._hold = round(ratio)
-        if self._hold < 1 or not math.isclose(ratio, self._hold, rel_tol=_SAME_TIME):
-            raise InvalidArgument("rate", f"must be {1 / inner.dt:g} Hz, of the environment, divided by a whole number",
-                                  value=f"{task.rate:g} Hz")
+        self._hold = task.substeps(inner.dt, f"{1 / inner.dt:g} Hz, of the environment,")
         self._env, self._count, self._next_s = inner, 0, math.nan
 
     def __call__(self, observation: Any = None) -> Array:

@@ -26,7 +26,7 @@ from marble.lcs.controller import Controller, ControlStep
 from marble.lcs.linearization import positive
 from marble.lcs.optional import optional
 
-_SAME_TIME: Final = 1e-6  # relative to a control step
+_SAME_TIME: Final = 1e-6  # relative to a frame
 _MAX_GIF_RATE: Final = 50.0  # frames of a GIF last whole hundredths of a second, and viewers slow shorter ones down
 
 
@@ -133,12 +133,9 @@ def simulate(controller: Controller, model: Any, data: Any, seconds: float, *, p
     mujoco = optional("mujoco", "mujoco", "simulate")
     if not (is_number(seconds) and math.isfinite(seconds) and seconds >= 0):
         raise InvalidArgument("seconds", "must be finite and ≥ 0", value=seconds)
-    timestep, period = float(model.opt.timestep), controller.task.period_s
-    substeps = round(period / timestep)
-    if substeps < 1 or abs(substeps * timestep - period) > _SAME_TIME * period:
-        raise InvalidArgument("rate", f"must be 1 / {timestep:g} s, of the model's timestep, divided by a whole number",
-                              value=f"{controller.task.rate:g} Hz")
-    for _ in range(round(seconds / period)):
+    timestep = float(model.opt.timestep)
+    substeps = controller.task.substeps(timestep, f"1 / {timestep:g} s, of the model's timestep,")
+    for _ in range(round(seconds / controller.task.period_s)):
         step = controller.step(data)
         data.ctrl[:] = step.u
         if on_step is not None:

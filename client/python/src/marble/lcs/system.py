@@ -105,6 +105,15 @@ def _size(array: Array, field: str, axis: int, least: int = 1) -> int:
     return size
 
 
+def one_each(values: ArrayLike, field: str, size: int) -> Array:
+    """(size,), of one number for all or one for each."""
+    array = numbers(values, field, "an array of numbers")
+    if array.shape not in ((), (size,)):
+        raise InvalidArgument(field, f"must be one number, or have the shape ({size},)",
+                              value=f"of shape {array.shape}")
+    return np.ascontiguousarray(np.broadcast_to(array, (size,)))
+
+
 def _text(shape: tuple[int, ...]) -> str:
     return f"({shape[0]},)" if len(shape) == 1 else f"({', '.join(map(str, shape))})"
 

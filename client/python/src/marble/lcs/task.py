@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,12 +13,14 @@ from numpy.typing import ArrayLike
 from marble.base.checks import is_number
 from marble.errors import InvalidArgument
 from marble.lcs.linearization import Linearization, positive
-from marble.lcs.system import Array
+from marble.lcs.system import Array, one_each
 from marble.model.lcqp import numbers
 
 Target = tuple[ArrayLike, ArrayLike] | Callable[[Linearization, float], tuple[ArrayLike, ArrayLike]]
 
 _OF_TASK = ("dt", "u")
+_SAME_TIME: Final = 1e-6
+"""Relative to a control step."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -94,6 +96,14 @@ class Task:
         """Seconds from the measurement before which the solve is stopped; inf if it is not."""
         return self.period_s if self.deadline is None else float(self.deadline)
 
+    def substeps(self, dt: float, rate: str) -> int:
+        """Steps of dt seconds in a control step. InvalidArgument of "rate" unless it is that `rate` divided by a whole
+        number."""
+        count = round(self.period_s / dt)
+        if count < 1 or abs(count * dt - self.period_s) > _SAME_TIME * self.period_s:
+            raise InvalidArgument("rate", f"must be {rate} divided by a whole number", value=f"{self.rate:g} Hz")
+        return count
+
     def planner_arguments(self, now: Linearization) -> dict[str, Any]:
         """The keyword arguments of Planner for a model, of which `now` is a linearization."""
         nv = now.v.size
@@ -104,14 +114,14 @@ class Task:
         for name, free in (("lb", -np.inf), ("ub", np.inf)):
             given = getattr(self, f"v_{name}")
             if given is not None:
-                made[f"x_{name}"] = np.concatenate([np.full(nv, free), _each(given, f"v_{name}", nv)])
+                made[f"x_{name}"] = np.concatenate([np.full(nv, free), one_each(given, f"v_{name}", nv)])
         return made
 
     def input_bounds(self, now: Linearization) -> tuple[Array, Array]:
         """Lower and upper bounds of the inputs, (nu,) each."""
         nu = now.u.size
-        return (_each(now.u_min if self.u_lb is None else self.u_lb, "u_lb", nu),
-                _each(now.u_max if self.u_ub is None else self.u_ub, "u_ub", nu))
+        return (one_each(now.u_min if self.u_lb is None else self.u_lb, "u_lb", nu),
+                one_each(now.u_max if self.u_ub is None else self.u_ub, "u_ub", nu))
 
     def gains(self, nv: int) -> tuple[Array, Array] | None:
         """kp and kd, (nv,) each; None if all are 0."""
@@ -146,16 +156,8 @@ def _pair(target: Any) -> tuple[ArrayLike, ArrayLike]:
     return target[0], target[1]
 
 
-def _each(values: ArrayLike, field: str, size: int) -> Array:
-    array = numbers(values, field, "an array of numbers")
-    if array.shape not in ((), (size,)):
-        raise InvalidArgument(field, f"must be one number, or have the shape ({size},)",
-                              value=f"of shape {array.shape}")
-    return np.broadcast_to(array, (size,))
-
-
 def _gain(values: ArrayLike, field: str, nv: int) -> Array:
-    array = _each(values, field, nv)
+    array = one_each(values, field, nv)
     for index, value in enumerate(array):
         if not (math.isfinite(value) and value >= 0):
             raise InvalidArgument(field, "must be finite and ≥ 0", index=index, value=value)
