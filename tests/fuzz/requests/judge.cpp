@@ -172,8 +172,8 @@ double largest(const Solution& x) {
                    largest(x.complementarity_multipliers_L), largest(x.complementarity_multipliers_R)});
 }
 
-// A multiplier may be off by what the point's stationarity may, and so its product with the row by the row
-// times that.
+// An error of a multiplier, up to that of the point's stationarity, is multiplied by the row in their
+// product.
 void expect_slack(const std::vector<double>& rows, const std::vector<double>& multipliers, double size,
                   double loose) {
   for (std::size_t i = 0; i < rows.size(); ++i) {

@@ -128,14 +128,14 @@ void judge_change(const Parts& p, const Vectors& x, const Parts& by, const Vecto
 // A loss along a direction, by the change and by the gradient.
 void judge_gradients(const ProblemView& p, const v1::SensitivityRequest& request,
                      const v1::Sensitivity& reported) {
-  const auto is_missing = [](const auto& missing, int k) {
-    return std::find(missing.begin(), missing.end(), k) != missing.end();
+  const auto is_undefined = [](const auto& undefined, int k) {
+    return std::find(undefined.begin(), undefined.end(), k) != undefined.end();
   };
   for (int k = 0; k < request.directions().count(); ++k) {
-    if (is_missing(reported.changes().undefined(), k)) continue;
+    if (is_undefined(reported.changes().undefined(), k)) continue;
     const Vectors change = vectors_of(p, reported.changes().vectors(), k);
     for (int loss = 0; loss < request.losses().count(); ++loss) {
-      if (is_missing(reported.gradients().undefined(), loss)) continue;
+      if (is_undefined(reported.gradients().undefined(), loss)) continue;
       double forward = 0.0, adjoint = 0.0, size = 1.0;
       const auto add = [&size](double& sum, const Vector& a, const Vector& b) {
         sum += a.dot(b);
@@ -262,8 +262,8 @@ void judge_derivatives(const ProblemView& view, const v1::SensitivityRequest& re
   if (!is_exact(view, p, x, answer)) return;
   const bool directions = is_friendly_direction(request.directions().numbers());
   for (int k = 0; k < request.directions().count() && directions; ++k) {
-    const auto& missing = reported.changes().undefined();
-    if (std::find(missing.begin(), missing.end(), k) != missing.end()) continue;
+    const auto& undefined = reported.changes().undefined();
+    if (std::find(undefined.begin(), undefined.end(), k) != undefined.end()) continue;
     ++tally().derivatives;
     judge_change(p, x, direction(view, request.directions().numbers(), k),
                  vectors_of(view, reported.changes().vectors(), k));
