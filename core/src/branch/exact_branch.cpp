@@ -9,11 +9,11 @@ namespace marble {
 ExactBranch::ExactBranch(BranchPoint& point, SemismoothNewton& newton, QuadraticEngine& interior)
     : point_(point), newton_(newton), interior_(interior) {}
 
-bool ExactBranch::solve(Run& run, int budget) {
+bool ExactBranch::solve(Run& run, int budget, Parametric* parametric) {
   const int last = run.factorizations + budget;
   point_.set.clear_others(point_.x.lambda());  // they may belong to another branch
   newton_.center.all = point_.x.all;           // in case the exchanges fail
-  if (const auto solved = exchange_rows(run, tuning::exact_exchanges, last)) return *solved;
+  if (const auto solved = exchange_rows(run, tuning::exact_exchanges, last, parametric)) return *solved;
   const int last_of_newton = std::min(last, run.factorizations + tuning::newton_budget);
   bool rows_known = newton_.converge(run, {tuning::exact_rho, tuning::exact_delta}, last_of_newton);
   if (newton_.lost_descent())
@@ -46,30 +46,33 @@ bool ExactBranch::take_interior(const QuadraticEngine& engine) {
 }
 
 // Returns nothing if the rows are not determined after this many rounds, or if they contradict each other.
-std::optional<bool> ExactBranch::exchange_rows(Run& run, int rounds, int last) {
+std::optional<bool> ExactBranch::exchange_rows(Run& run, int rounds, int last, Parametric* parametric) {
+  if (parametric != nullptr) parametric->begin_change(point_);
   for (int round = 0; round < rounds; ++round) {
     if (run.factorizations >= last || run.interrupted()) return false;
     if (!point_.factor(run, tuning::exact_rho, tuning::exact_delta)) return false;
     if (!point_.sharpen(tuning::rounding)) return std::nullopt;
-    if (exchange()) return point_.error() <= tuning::exactness;
+    find_wrong_rows();
+    if (wrong_rows_.empty()) return point_.error() <= tuning::exactness;
+    if (parametric != nullptr) {
+      parametric->follow_change(point_);
+    } else {
+      for (const Index row : wrong_rows_) point_.set.held[row] ^= 1U;
+    }
+    point_.set.clear_others(point_.x.lambda());
   }
   return std::nullopt;
 }
 
-// Releases active rows with a wrong-sign multiplier (λ > 0) and adds violated ones. True if nothing changed.
-bool ExactBranch::exchange() {
-  bool changed = false;
+void ExactBranch::find_wrong_rows() {
+  wrong_rows_.clear();
   const double scale = 1.0 + max_abs(point_.x.all);
-  auto lambda = point_.x.lambda();
+  const auto lambda = point_.x.lambda();
   point_.set.for_each_free_row([&](Index row) {
-    std::uint8_t& held = point_.set.held[row];
     const double slack = point_.images.rows.all[row];
-    if (!(held ? lambda[row] > tuning::exactness * scale : slack < -tuning::exactness)) return;
-    held ^= 1U;
-    if (held == 0) lambda[row] = 0.0;
-    changed = true;
+    if (point_.set.held[row] ? lambda[row] > tuning::exactness * scale : slack < -tuning::exactness)
+      wrong_rows_.push_back(row);
   });
-  return !changed;
 }
 
 }  // namespace marble

@@ -9,7 +9,9 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
+#include "branch/parametric.h"
 #include "branch/semismooth_newton.h"
 #include "path/quadratic.h"
 
@@ -23,8 +25,9 @@ class ExactBranch {
   /// Solves the current branch to full accuracy with at most `budget` factorizations. Returns true on
   /// success: the point then satisfies the branch's optimality conditions to rounding, and every sign is
   /// right except those of the fixed sides. If the interior point method's own solution is taken, a row that
-  /// is not held may have a multiplier: its product with the slack is rounding.
-  [[nodiscard]] bool solve(Run& run, int budget);
+  /// is not held may have a multiplier: its product with the slack is rounding. Pass a `parametric` if the
+  /// point solves the branch for similar numbers: it follows their change, instead of exchanges of rows.
+  [[nodiscard]] bool solve(Run& run, int budget, Parametric* parametric = nullptr);
 
   /// Takes the solution that an interior point method on the branch has converged to, if it has converged. It
   /// is needed if the branch is flat apart from weakly active rows, so that no choice of rows reproduces it.
@@ -33,13 +36,15 @@ class ExactBranch {
   [[nodiscard]] BranchPoint& point() { return point_; }
 
  private:
-  [[nodiscard]] std::optional<bool> exchange_rows(Run& run, int rounds, int last);
-  [[nodiscard]] bool exchange();
+  [[nodiscard]] std::optional<bool> exchange_rows(Run& run, int rounds, int last,
+                                                  Parametric* parametric = nullptr);
+  void find_wrong_rows();
   [[nodiscard]] bool solve_by_interior(Run& run, int last);
 
   BranchPoint& point_;
   SemismoothNewton& newton_;
   QuadraticEngine& interior_;
+  std::vector<Index> wrong_rows_;  // active with a wrong-sign multiplier, or inactive and violated
 };
 
 }  // namespace marble

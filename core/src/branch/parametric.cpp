@@ -36,6 +36,7 @@ Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
       start_value_(rows_),
       value_(rows_),
       value_rate_(rows_),
+      change_(rows_),
       capacity_(static_cast<Index>(responses_kept(problem.pairs(), rows_))),
       responses_(new double[static_cast<std::size_t>(capacity_) * rows_]),
       response_of_row_(rows_),
@@ -48,18 +49,46 @@ Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
 }
 
 void Parametric::start(const ElasticRelaxation& optimum) {
-  const BranchPoint& point = optimum.point();
-  rho_ = optimum.rho();
   start_objective_ = optimum.objective();
+  read_values(optimum.point(), start_value_);
+  start(optimum.point());
+}
+
+void Parametric::start(const BranchPoint& point) {
+  rho_ = point.rho();
   start_ = point.set;
   for (Index row = 0; row < rows_; ++row) {
-    const bool fixed = start_.is_fixed(row);
-    const double value = start_.held[row] ? -point.x.lambda()[row] : point.images.rows.all[row];
-    start_state_[row].fixed = fixed;
-    start_value_[row] = fixed ? value : std::max(0.0, value);
+    start_state_[row].fixed = start_.is_fixed(row);
+    if (!start_state_[row].fixed) start_value_[row] = std::max(0.0, start_value_[row]);
   }
   std::fill(response_of_row_.begin(), response_of_row_.end(), -1);
   used_ = 0;
+}
+
+void Parametric::read_values(const BranchPoint& point, Vector& values) const {
+  for (Index row = 0; row < rows_; ++row)
+    values[row] = point.set.held[row] ? -point.x.lambda()[row] : point.images.rows.all[row];
+}
+
+void Parametric::begin_change(const BranchPoint& point) { read_values(point, start_value_); }
+
+// The remembered values are optimal for the problem's numbers shifted by some difference, which goes to 0.
+void Parametric::follow_change(BranchPoint& point) {
+  start(point);
+  reset();
+  read_values(point, change_);
+  change_ -= start_value_;
+  double left = 1.0;
+  for (Index event = 0; event >= 0 && events_ <= tuning::rows_apart && direction(change_.data(), 1.0, -1);) {
+    double length = left;
+    event = first_event(length, -1);
+    advance(length);
+    left -= length;
+    if (event >= 0) toggle(event);
+  }
+  read_active_rows(point.set);
+  start_value_ = value_;
+  for (const Changed& changed : changed_) start_value_[changed.row] = changed.value;
 }
 
 void Parametric::reset() {
@@ -99,10 +128,15 @@ const double* Parametric::response(Index row) {
 // slack falls at rate 1. All other changed rows stay as they are: zero slack if they were inactive, zero
 // multiplier if active.
 bool Parametric::direction(Index prescribed, double prescribed_rate, Index driven) {
-  const int count = static_cast<int>(changed_.size());
-  if (count > tuning::rows_apart || kkt_.interrupt().requested()) return false;
   const double* fixed_part = prescribed < 0 ? nullptr : response(prescribed);
   if (prescribed >= 0 && fixed_part == nullptr) return false;
+  return direction(fixed_part, prescribed_rate, driven);
+}
+
+// The same for rates without the changed rows: those of a response, or of a change of the numbers.
+bool Parametric::direction(const double* fixed_part, double prescribed_rate, Index driven) {
+  const int count = static_cast<int>(changed_.size());
+  if (count > tuning::rows_apart || kkt_.interrupt().requested()) return false;
   for (int b = 0; b < count; ++b) {
     const double* column = response(changed_[b].row);
     if (column == nullptr) return false;

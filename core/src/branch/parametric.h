@@ -35,6 +35,13 @@ class Parametric {
   /// Sets the optimum at which the following moves start; `kkt` must hold its factor.
   void start(const ElasticRelaxation& optimum);
 
+  /// Remembers the values of a point that solves its branch for similar numbers.
+  void begin_change(const BranchPoint& point);
+  /// `point` now solves its rows for the problem's numbers, perhaps with wrong signs; `kkt` holds its factor.
+  /// Moves its held rows to those that the optimum has as the numbers change from the remembered ones. If too
+  /// many rows change, it stops on the way, where the next call continues.
+  void follow_change(BranchPoint& point);
+
   /// Rows of pair i at the start: the side that its branch fixes, and the other one.
   [[nodiscard]] Index fixed_row(Index pair) const { return start_.fixed_row(pair); }
   [[nodiscard]] Index free_row(Index pair) const { return start_.free_row(pair); }
@@ -67,9 +74,12 @@ class Parametric {
     bool fixed = false;    // it stays at zero whatever its multiplier
     bool changed = false;  // it is active but was not at the start, or vice versa
   };
+  void start(const BranchPoint& point);
+  void read_values(const BranchPoint& point, Vector& values) const;
   void reset();
   [[nodiscard]] const double* response(Index row);
   [[nodiscard]] bool direction(Index prescribed, double prescribed_rate, Index driven);
+  [[nodiscard]] bool direction(const double* unbordered, double unbordered_rate, Index driven);
   [[nodiscard]] Index first_event(double& length, Index driven) const;
   void advance(double length);
   void toggle(Index row);
@@ -88,6 +98,7 @@ class Parametric {
   // By row: its multiplier if it was active at the start, else its slack. For a changed row this is the value
   // that stays 0, except for the row of the current move.
   Vector start_value_, value_, value_rate_;
+  Vector change_;  // of the values while the numbers change and no row becomes active or inactive
   std::vector<Changed> changed_;
   // Responses of all rows to a unit force in a row (a unit slack if the row is active), in order of first
   // use.

@@ -253,10 +253,11 @@ void BranchSearch::prepare(Run& run, const Iterate& solution) {
   point_.factor_ahead(run, tuning::exact_rho, tuning::exact_delta);
 }
 
-bool BranchSearch::take_branch_of(Run& run, const Iterate& solution) {
+bool BranchSearch::take_branch_of(Run& run, const Iterate& solution, int budget) {
   const Run::Polishing polishing(run);
   point_.start_from_solution(solution);
-  return incumbent_.solve_branch(run, "warm start", tuning::warm_tiny_change) == Incumbent::Outcome::kept;
+  return incumbent_.solve_branch(run, "warm start", budget, &search_.parametric()) ==
+         Incumbent::Outcome::kept;
 }
 
 // Without the soft start, a box at rest stays at rest: its plan is a local optimum, and few switches away
@@ -267,43 +268,54 @@ void BranchSearch::search_near(Run& run, ConstVectorRef initial_z) {
   const int last = run.factorizations + options_.max_local_search_factorizations;
   point_.restore(incumbent_.best().x, incumbent_.best().set);
   switch_near_incumbent(run, tuning::search_patience, last, "warm start, local search");
-  if (pulling(incumbent_) < tuning::many_pulling) return;
-  from_soft_start(run, initial_z, std::min(last, run.factorizations + tuning::engine_budget), false,
-                  incumbent_.best().objective);
+  if (pulling(incumbent_) >= tuning::many_pulling)
+    search_softly(run, initial_z, std::min(last, run.factorizations + tuning::engine_budget));
 }
 
-// A branch that stays feasible after a small change is near the best one. Otherwise feasibility is restored
-// near it. A cold start follows if that fails, or if the solution is clearly worse than that of the last cold
-// start.
+// Searches for branches that are lower than the incumbent's.
+void BranchSearch::search_softly(Run& run, ConstVectorRef initial_z, int last_factorization) {
+  from_soft_start(run, initial_z, last_factorization, false, incumbent_.best().objective);
+}
+
+// The branch of a sequence's last solution stays feasible for a long time while better ones appear
+// elsewhere, as when the next stair comes into the horizon. So a search follows every few steps, or when the
+// objective has risen.
 bool BranchSearch::start_from(Run& run, const Iterate& solution, double reference_objective, Stage& stage) {
-  using Outcome = Incumbent::Outcome;
-  const Run::Polishing polishing(run);
-  const int before = run.factorizations;
-  const int last = before + tuning::engine_budget + options_.max_local_search_factorizations;
-  SearchPlan mend = near_exact(tuning::short_patience);
-  mend.resumes = std::exchange(stage, Stage::beginning) == Stage::mending;
-  bool small_change = false;
-  if (!mend.resumes) {
-    point_.start_from_solution(solution);
-    small_change = incumbent_.solve_branch(run, "warm start", tuning::engine_budget) == Outcome::kept;
-  }
-  if (small_change) {
-    const int work = run.factorizations - before;
-    small_change = work <= tuning::warm_small_change;
-    const bool search = work > tuning::warm_tiny_change && options_.max_local_search_factorizations > 0;
-    if (search && pulling(incumbent_) > 0)
-      switch_near_incumbent(run, tuning::short_patience, last, "warm start, local search");
-  } else {
-    if (run.interrupted()) return false;
-    if (!mend.resumes) point_.start_from_solution(solution);
-    if (!search_.run(run, mend, last) ||
-        incumbent_.solve_branch(run, "warm start, restored", tuning::engine_budget) != Outcome::kept) {
-      if (run.interrupted()) stage = Stage::mending;
-      return false;
-    }
-  }
+  has_searched_ = false;
+  const bool mends = std::exchange(stage, Stage::beginning) == Stage::mending;
+  const bool moved = !mends && take_branch_of(run, solution, tuning::engine_budget);
+  if (!moved && !mend(run, solution, mends, stage)) return false;
   const double objective = problem_.user_objective(incumbent_.best().objective);
-  return small_change || objective <= reference_objective + tuning::alike * std::abs(reference_objective);
+  const auto has_risen = [&](double by) {
+    return objective > reference_objective + by * std::abs(reference_objective);
+  };
+  const bool is_worse = !moved && has_risen(tuning::alike);
+  if (pulling(incumbent_) < tuning::many_pulling || options_.max_local_search_factorizations == 0)
+    return !is_worse;
+  if (reference_objective == std::numeric_limits<double>::infinity()) return true;  // nothing is called for
+  if (++steps_ < tuning::warm_search_steps && !is_worse && !has_risen(tuning::warm_rise)) return true;
+  const Run::Polishing polishing(run);
+  const int budget = std::min(2 * tuning::engine_budget, options_.max_local_search_factorizations);
+  const Vector z = incumbent_.best().x.z();  // which the search replaces
+  search_softly(run, z, run.factorizations + budget);
+  steps_ = 0;
+  has_searched_ = true;
+  return true;
+}
+
+// Restores feasibility near the last solution.
+bool BranchSearch::mend(Run& run, const Iterate& solution, bool resumes, Stage& stage) {
+  if (run.interrupted()) return false;
+  const Run::Polishing polishing(run);
+  if (!resumes) point_.start_from_solution(solution);
+  SearchPlan plan = near_exact(tuning::short_patience);
+  plan.resumes = resumes;
+  const int last = run.factorizations + tuning::engine_budget + options_.max_local_search_factorizations;
+  const bool mended =
+      search_.run(run, plan, last) &&
+      incumbent_.solve_branch(run, "warm start, restored", tuning::engine_budget) == Incumbent::Outcome::kept;
+  if (!mended && run.interrupted()) stage = Stage::mending;
+  return mended;
 }
 
 }  // namespace marble

@@ -63,18 +63,23 @@ class BranchSearch {
   void start_further(Run& run, const std::function<void()>& settle);
   /// Runs one round of further starts. Returns true if it replaced the incumbent.
   [[nodiscard]] bool start_round(Run& run, int count, const std::function<void()>& settle);
-  /// Starts from the branch of a solution of this problem or of a similar one. Returns false if no feasible
-  /// branch is near, or if a cold start, which once reached `reference_objective`, should follow all the
-  /// same. `stage` as in find(): `mending` or `beginning`.
+  /// Starts from the branch of a solution of this problem or of a similar one, and searches for better ones
+  /// every few such steps, or if the objective has risen clearly above `reference_objective`. Returns false
+  /// if no feasible branch is near, or if that is clearly above the reference and a cold start, which is
+  /// cheap then, should follow. `stage` as in find(): `mending` or `beginning`.
   [[nodiscard]] bool start_from(Run& run, const Iterate& solution, double reference_objective, Stage& stage);
   /// The same from the beginning, without resuming.
   [[nodiscard]] bool start_from(Run& run, const Iterate& solution, double reference_objective) {
     Stage stage = Stage::beginning;
     return start_from(run, solution, reference_objective, stage);
   }
-  /// Solves the branch of a solution of a similar problem, if that is a small change. Returns true if its
-  /// solution is kept.
-  [[nodiscard]] bool take_branch_of(Run& run, const Iterate& solution);
+  /// True if the last start_from() has searched.
+  [[nodiscard]] bool has_searched() const { return has_searched_; }
+  /// Call this when a sequence of start_from() begins.
+  void forget_steps() { steps_ = 0; }
+  /// Solves the branch of a solution of a similar problem with at most this number of factorizations.
+  /// Returns true if its solution is kept.
+  [[nodiscard]] bool take_branch_of(Run& run, const Iterate& solution, int budget);
   /// Searches for better branches near the incumbent and, if many of its pairs pull, from a soft start.
   void search_near(Run& run, ConstVectorRef initial_z);
   /// Prepares start_from() of the same solution, before the last numbers of the problem are set.
@@ -83,6 +88,8 @@ class BranchSearch {
  private:
   void from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization, bool resumes = false,
                        double cutoff = std::numeric_limits<double>::infinity());
+  void search_softly(Run& run, ConstVectorRef initial_z, int last_factorization);
+  [[nodiscard]] bool mend(Run& run, const Iterate& solution, bool resumes, Stage& stage);
   void switch_near_incumbent(Run& run, int patience, int last_factorization, const char* origin);
   int repeat(Run& run, int first, int most_factorizations);
   [[nodiscard]] FurtherStarts::Start next_start();
@@ -98,6 +105,8 @@ class BranchSearch {
   InteriorEngine interior_;
   LocalSearch search_;
   FurtherStarts further_starts_;
+  int steps_ = 0;  // of start_from() since its last search
+  bool has_searched_ = false;
   std::unique_ptr<PenaltyHomotopy> homotopy_;  // if it applies
   int further_ = 1;                            // starts of this solve, including the first one
   struct Tried {

@@ -10,8 +10,8 @@
 namespace marble {
 
 bool solve_exactly(const ScaledProblem& problem, const Options& options, ExactBranch& branch, Run& run,
-                   int budget, ExactSolution& solution) {
-  const bool solved = branch.solve(run, budget);
+                   int budget, ExactSolution& solution, Parametric* parametric) {
+  const bool solved = branch.solve(run, budget, parametric);
   solution.violations = violations(problem, branch.point().images);
   if (!solved || !within_tolerances(solution.violations, options)) return false;
   solution.x.all = branch.point().x.all;
@@ -24,8 +24,8 @@ bool solve_exactly(const ScaledProblem& problem, const Options& options, ExactBr
 Incumbent::Incumbent(const ScaledProblem& problem, const Options& options, ExactBranch& branch)
     : problem_(problem), options_(options), branch_(branch), best_(problem), other_(problem) {}
 
-Incumbent::Outcome Incumbent::solve_branch(Run& run, const char* origin, int budget) {
-  if (!solve_exactly(problem_, options_, branch_, run, budget, other_)) return Outcome::not_exact;
+Incumbent::Outcome Incumbent::solve_branch(Run& run, const char* origin, int budget, Parametric* parametric) {
+  if (!solve_exactly(problem_, options_, branch_, run, budget, other_, parametric)) return Outcome::not_exact;
   const double least_gain = tuning::rounding * std::abs(best_.objective);
   if (exists_ && other_.objective >= best_.objective - least_gain) return Outcome::no_better;
   other_.origin = origin;

@@ -18,9 +18,11 @@ struct ExactSolution {
   bool converged = true;    ///< false if the residual could not be lowered to rounding
 };
 
-/// Solves the current branch exactly. Returns false if that fails or the solution is not feasible.
+/// Solves the current branch exactly, as ExactBranch does. Returns false if that fails or the solution is not
+/// feasible.
 [[nodiscard]] bool solve_exactly(const ScaledProblem& problem, const Options& options, ExactBranch& branch,
-                                 Run& run, int budget, ExactSolution& solution);
+                                 Run& run, int budget, ExactSolution& solution,
+                                 Parametric* parametric = nullptr);
 
 class Incumbent {
  public:
@@ -33,7 +35,9 @@ class Incumbent {
     not_exact,  ///< not solved, or not feasible
   };
   /// Solves the current branch exactly and keeps the solution if it is better than the best so far.
-  [[nodiscard]] Outcome solve_branch(Run& run, const char* origin, int budget);
+  /// `parametric` as in ExactBranch.
+  [[nodiscard]] Outcome solve_branch(Run& run, const char* origin, int budget,
+                                     Parametric* parametric = nullptr);
   /// Solves a branch exactly with the rows that an interior point method, already started on it, finds.
   /// Returns true if the solution is kept. The engine may be that of the branch engines: they restart it only
   /// in the last attempt.

@@ -42,6 +42,7 @@ class LocalSearch {
   /// Returns the number of pairs of an exact solution whose fixed side has a wrong-sign multiplier: the
   /// candidates of a search.
   [[nodiscard]] static int pulling(const Iterate& x, const WorkingSet& set);
+  [[nodiscard]] Parametric& parametric() { return parametric_; }
   [[nodiscard]] int accepted() const { return accepted_; }  ///< accepted moves of the last run()
 
  private:

@@ -87,7 +87,8 @@ std::optional<Strategy::Answer> Strategy::step_from_start(Run& run, ConstVectorR
   const auto is_found = [this] {
     return incumbent_.exists() && incumbent_.best().objective <= start_->objective + noise_of_start();
   };
-  const bool small_change = search_.take_branch_of(run, *warm_start.solution) && is_found();
+  const bool small_change =
+      search_.take_branch_of(run, *warm_start.solution, tuning::warm_tiny_change) && is_found();
   if (!small_change) {
     if (run.interrupted()) return std::nullopt;
     solve_branch_of_start(run);

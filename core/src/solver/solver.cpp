@@ -401,8 +401,9 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bo
   if (controls.sensitivity != nullptr) state_->add_sensitivity(found, *controls.sensitivity, run, solution);
   if (controls.proof != nullptr) conclude(*controls.proof, state_->problem, solution);
   solution.times.setup_s = state_->setup_s;
+  const bool keeps_reference = found.stayed_warm && !found.has_searched;
   solution.reference_objective =
-      found.stayed_warm ? controls.warm_start->reference_objective : solution.objective;
+      keeps_reference ? controls.warm_start->reference_objective : solution.objective;
   state_->kkt->attend({});  // the stop token and the pause of this solve may not exist during the next one
   return solution;
 }

@@ -127,10 +127,12 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
     path_point_.violations.equality = std::numeric_limits<double>::infinity();  // no point yet
   }
   looked_for_ = {};
+  if (!warm_start) search_.forget_steps();
   if (warm_start && from <= Stage::mending) {
     if (search_.start_from(run, *warm_start->solution, warm_start->reference_objective, from)) {
       Answer answer = finish_exact(run);
       answer.stayed_warm = true;
+      answer.has_searched = search_.has_searched();
       return answer;
     }
   }

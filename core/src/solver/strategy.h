@@ -29,7 +29,7 @@ class Strategy {
   /// `methods` is needed where option `method` may be one of them.
   Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& options, const ReferenceMethods* methods);
 
-  /// A starting solution (scaled), and the objective of the last cold start before it.
+  /// A starting solution (scaled), and the objective after the last search for branches before it.
   struct WarmStart {
     const Iterate* solution;
     double reference_objective;
@@ -42,8 +42,9 @@ class Strategy {
     /// The result of the curvature test on the branches of x: `minimum` even if B-stationarity was not
     /// decided.
     SecondOrder second_order = SecondOrder::unknown;
-    bool stayed_warm = false;  ///< no cold start was needed
-    TreeResult tree = {};      ///< with option global_search
+    bool stayed_warm = false;   ///< no cold start was needed
+    bool has_searched = false;  ///< better branches were searched for all the same
+    TreeResult tree = {};       ///< with option global_search
   };
 
   /// Solves from z (scaled). With a warm start, its branch comes first. With `resumes`, the run continues
