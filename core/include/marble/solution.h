@@ -128,9 +128,9 @@ struct Solution {
   /// Leaves of a session's last tree with which this tree began instead of the root. They were bounded again
   /// by the multipliers that closed them, without a new solve. `detail` says how many of them stayed closed.
   std::int64_t reused_nodes = 0;
-  /// The objective that the last cold start on the way to this solution reached: the objective itself or, in
-  /// a chain of warm starts, that of the first solve. A warm start that ends clearly above it is followed by
-  /// a cold start; with infinity, never.
+  /// The objective after the last cold start or search for better branches on the way to this solution: the
+  /// objective itself or, in a chain of warm starts, that of an earlier solve. A warm start that ends clearly
+  /// above it is followed by such a search or by a cold start; with infinity, never.
   double reference_objective = 0.0;
   Violations violations;  ///< of z, user units
   /// max |Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη| or max |ν (Cz + d)|, whichever is larger, in the user's units
