@@ -224,7 +224,7 @@ TEST(Strategy, BetweenAWarmAnswerAndAColdOneTheBetterWins) {
     const Iterate start = *other.answer.x;
     if (warm.warm(start, kInfinity).status != Status::solved || !warm.answer.stayed_warm) continue;
     if (cold.cold().status != Status::solved) continue;
-    const Ending end = judged_worse.warm(start, -1e30);
+    const Ending end = judged_worse.warm(start, -kInfinity);
     ASSERT_EQ(end.status, Status::solved) << seed;
     const double slack = 1e-8 * (1.0 + std::abs(warm.objective()));
     if (judged_worse.answer.stayed_warm) continue;  // so little work that it needs no other opinion

@@ -290,10 +290,10 @@ bool BranchSearch::start_from(Run& run, const Iterate& solution, double referenc
     return objective > reference_objective + by * std::abs(reference_objective);
   };
   const bool is_worse = !moved && has_risen(tuning::alike);
-  if (pulling(incumbent_) < tuning::many_pulling || options_.max_local_search_factorizations == 0)
+  if (pulling(incumbent_) < tuning::many_pulling || options_.max_local_search_factorizations == 0 ||
+      !std::isfinite(reference_objective))
     return !is_worse;
-  if (reference_objective == std::numeric_limits<double>::infinity()) return true;  // nothing is called for
-  if (++steps_ < tuning::warm_search_steps && !is_worse && !has_risen(tuning::warm_rise)) return true;
+  if (!is_search_due(solution) && !is_worse && !has_risen(tuning::warm_rise)) return true;
   const Run::Polishing polishing(run);
   const int budget = std::min(2 * tuning::engine_budget, options_.max_local_search_factorizations);
   const Vector z = incumbent_.best().x.z();  // which the search replaces
@@ -301,6 +301,14 @@ bool BranchSearch::start_from(Run& run, const Iterate& solution, double referenc
   steps_ = 0;
   has_searched_ = true;
   return true;
+}
+
+// Few better branches appear while the solution stays where it is.
+bool BranchSearch::is_search_due(const Iterate& last) {
+  if (steps_ == 0) searched_z_ = last.z();
+  const Vector& z = incumbent_.best().x.all;
+  const double moved = (z.head(searched_z_.size()) - searched_z_).norm();
+  return ++steps_ >= tuning::warm_search_steps && moved > tuning::alike * searched_z_.norm();
 }
 
 // Restores feasibility near the last solution.

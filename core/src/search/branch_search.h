@@ -65,8 +65,8 @@ class BranchSearch {
   [[nodiscard]] bool start_round(Run& run, int count, const std::function<void()>& settle);
   /// Starts from the branch of a solution of this problem or of a similar one, and searches for better ones
   /// every few such steps, or if the objective has risen clearly above `reference_objective`. Returns false
-  /// if no feasible branch is near, or if that is clearly above the reference and a cold start, which is
-  /// cheap then, should follow. `stage` as in find(): `mending` or `beginning`.
+  /// if no feasible branch is near, or if the one found is clearly above the reference and few pairs pull or
+  /// the reference is -infinity: a cold start should follow. `stage` as in find(): `mending` or `beginning`.
   [[nodiscard]] bool start_from(Run& run, const Iterate& solution, double reference_objective, Stage& stage);
   /// The same from the beginning, without resuming.
   [[nodiscard]] bool start_from(Run& run, const Iterate& solution, double reference_objective) {
@@ -89,6 +89,7 @@ class BranchSearch {
   void from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization, bool resumes = false,
                        double cutoff = std::numeric_limits<double>::infinity());
   void search_softly(Run& run, ConstVectorRef initial_z, int last_factorization);
+  [[nodiscard]] bool is_search_due(const Iterate& last);
   [[nodiscard]] bool mend(Run& run, const Iterate& solution, bool resumes, Stage& stage);
   void switch_near_incumbent(Run& run, int patience, int last_factorization, const char* origin);
   int repeat(Run& run, int first, int most_factorizations);
@@ -105,7 +106,8 @@ class BranchSearch {
   InteriorEngine interior_;
   LocalSearch search_;
   FurtherStarts further_starts_;
-  int steps_ = 0;  // of start_from() since its last search
+  int steps_ = 0;      // of start_from() since its last search
+  Vector searched_z_;  // the solution after that search
   bool has_searched_ = false;
   std::unique_ptr<PenaltyHomotopy> homotopy_;  // if it applies
   int further_ = 1;                            // starts of this solve, including the first one
