@@ -297,12 +297,26 @@ TEST_F(Compare, TableOneOfThePaperIsReproduced) {
   const Result result = run("reproduce table1" + table());
   std::istringstream lines(read_file(directory_.file("t.csv")));
   std::string ours, authors;
+  std::vector<double> printed;  // objectives of algorithm1
   for (std::string line; std::getline(lines, line);) {
     if (line.starts_with("published rocket,marble,")) ours = line;
     if (line.starts_with("published rocket,authors,")) authors = line;
+    constexpr std::string_view kPrinted = ",algorithm1,";
+    if (line.find(kPrinted) == std::string::npos) continue;
+    std::istringstream cells(line);
+    std::string cell;
+    for (int i = 0; i < 5; ++i) std::getline(cells, cell, ',');
+    printed.push_back(std::stod(cell));
   }
   EXPECT_TRUE(ours.starts_with("published rocket,marble,solved,yes,380.714796,")) << result.out;
   EXPECT_TRUE(authors.starts_with("published rocket,authors,solved,no,381.19")) << result.out;
+  ASSERT_EQ(printed.size(), 3U) << result.out;
+  EXPECT_NEAR(printed[0], 31.74, 2e-3 * 31.74);
+  EXPECT_NEAR(printed[1], 607.7, 3e-3 * 607.7);
+  EXPECT_NEAR(printed[2], 381.19, 2e-3 * 381.19);
+  EXPECT_NE(result.out.find("algorithm1  3         3         3 "), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("authors     3         1         3 "), std::string::npos) << "by s*t\n"
+                                                                                      << result.out;
   EXPECT_NE(result.out.find("The paper's Table I, as printed"), std::string::npos);
 }
 

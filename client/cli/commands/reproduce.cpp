@@ -33,8 +33,8 @@ const std::vector<std::string> kOwn = {
     "authors: path=paper polish=false scaling_passes=0 max_local_search_factorizations=0 rho_initial=10 "
     "kappa_min=1e-7 "
     "inner_tolerance=1e-6 max_iterations=1000 regularization_initial=1e-8 equality_tolerance=1e-4 "
-    "inequality_tolerance=1e-4 complementarity_tolerance=1e-3 stationarity_tolerance=1e-3",
-    "algorithm1: path=algorithm1 max_iterations=1000"};
+    "inequality_tolerance=1e-4 complementarity_tolerance=1e-3 stationarity_tolerance=1e-5",
+    "algorithm1: path=algorithm1 max_iterations=1000 complementarity_tolerance=1e-7"};
 
 constexpr const char* kTableOne =
     "\nThe paper's Table I, as printed; * is proved:\n"

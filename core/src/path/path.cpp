@@ -139,10 +139,16 @@ bool PathEngine::feasible() const {
          within_tolerances(scaled_violations(problem_.layout, images_), options_);
 }
 
-// The product of multiplier and slack of an inequality is κ by (12), which no violation shows.
+// The product of multiplier and slack of an inequality is κ by (12), which no violation shows. The paper's
+// authors end by the products of the sides too.
 bool PathEngine::solved() const {
+  const auto products_are_small = [this] {
+    return problem_.pairs() == 0 || (images_.rows.s().array() * images_.rows.t().array()).abs().maxCoeff() <=
+                                        options_.stationarity_tolerance;
+  };
   return residual_norm_ <= options_.stationarity_tolerance && feasible() &&
-         (problem_.inequalities() == 0 || sub_.kappa <= options_.stationarity_tolerance);
+         (problem_.inequalities() == 0 || sub_.kappa <= options_.stationarity_tolerance) &&
+         (options_.path != Path::paper || products_are_small());
 }
 
 // Images::advance accumulates rounding errors, most of them after large steps. A point is therefore
