@@ -242,14 +242,34 @@ TEST(Nonlinear, ACorrectionTakesTheStepThatTheMeritRefuses) {
   expect_known_optimum(circle(0.8), solved_locally(problem_of(circle(0.8))), 1e-8);
 }
 
+const Formula kFar{.name = "far", .optimum = 1000, .start = {0}, .parts = [](const Jets& x) -> Parts {
+                     return {.objective = 100 * x[0], .inequalities = {x[0] - 10 + 0.001 * sin(x[0])}};
+                   }};
+
 TEST(Nonlinear, AFarFeasiblePointIsReachedByElasticSteps) {
-  const Formula far{.name = "far", .optimum = 1000, .start = {0}, .parts = [](const Jets& x) -> Parts {
-                      return {.objective = 100 * x[0], .inequalities = {x[0] - 10 + 0.001 * sin(x[0])}};
-                    }};
-  const auto problem = problem_of(far);
-  const auto rows = table_of(problem);
+  const auto problem = problem_of(kFar);
+  const Settings narrow{.largest_radius = 2.0};
+  const auto rows = table_of(problem, narrow);
   EXPECT_TRUE(rows.front().elastic);
-  expect_known_optimum(far, solved_locally(problem), 1e-3);
+  EXPECT_EQ(rows.front().radius, 1.0);
+  expect_known_optimum(kFar, solved_locally(problem, narrow), 1e-3);
+}
+
+TEST(Nonlinear, AFirstRadiusWithinWhichNoRowsAreMetGrows) {
+  const auto problem = problem_of(kFar);
+  const auto rows = table_of(problem);
+  EXPECT_FALSE(rows.front().elastic);
+  EXPECT_EQ(rows.front().radius, 10.0);
+  EXPECT_GE(rows.front().ticks, 2);
+  EXPECT_LT(rows.size(), table_of(problem, {.largest_radius = 1.0}).size());
+  expect_known_optimum(kFar, solved_locally(problem), 1e-3);
+
+  const Formula never{.name = "never", .start = {5}, .parts = [](const Jets& x) -> Parts {
+                        return {.objective = x[0], .inequalities = {x[0] - 1, -1 - x[0]}};
+                      }};
+  const auto last = table_of(problem_of(never));
+  EXPECT_TRUE(last.front().elastic);
+  EXPECT_EQ(last.front().radius, 1.0);  // that of the settings again
 }
 
 TEST(Nonlinear, WhereTheViolationCannotBeLoweredItSaysSo) {

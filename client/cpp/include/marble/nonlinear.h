@@ -131,7 +131,7 @@ struct Settings {
   Curvature curvature = Curvature::automatic;  ///< of the subproblems; slp: none; references: not none
   double step_tolerance = 1e-8;                ///< max |d_j| / scale_j of a solution, > 0
   double feasibility_tolerance = 1e-6;         ///< violation of a solution, user units, > 0
-  double radius = 1.0;                         ///< initial radius of the trust region, > 0
+  double radius = 1.0;                         ///< first radius of the trust region, > 0; may grow
   double largest_radius = 1e6;                 ///< ≥ radius
   std::int32_t iteration_limit = 200;          ///< subproblems that are linearised or shrunk, ≥ 0
   double time_limit_s = 1e9;  ///< in total; each LCQP gets the remaining time as its deadline

@@ -123,13 +123,18 @@ Expected<void> Loop::make_curvature() {
   return {};
 }
 
-// Returns true if there is a step to evaluate. Tries the plain subproblem first; if it is infeasible, the
-// elastic one; and if that cannot lower the violation whatever its weights, the violation alone.
+// Returns true if there is a step to evaluate. Tries the plain subproblem first, at the start within wider
+// radii too; if it is infeasible, the elastic one; and if that cannot lower the violation whatever its
+// weights, the violation alone.
 Expected<bool> Loop::find_step() {
   row_.corrected = leap_ = false;
   if (!restoring_) {
     auto found = ask(Kind::plain);
     if (!found || limit_) return found;
+    if (!*found && row_.iteration == 0) {
+      found = ask_wider();
+      if (!found || limit_) return found;
+    }
     if (*found) {
       weights_->rise_above(step_.multipliers);
       return convex_enough();
@@ -137,6 +142,19 @@ Expected<bool> Loop::find_step() {
     return find_elastic_step();
   }
   return find_restoring_step();
+}
+
+// The first radius is a guess: if it excludes every point that meets the linearised rows, a wider one may
+// not. The merit still judges the step.
+Expected<bool> Loop::ask_wider() {
+  const double first = radius_;
+  for (int tries = 0; tries < tuning::most_widenings && radius_ < settings_.largest_radius; ++tries) {
+    radius_ = std::min(tuning::growth * radius_, settings_.largest_radius);
+    auto found = ask(Kind::plain);
+    if (!found || limit_ || *found) return found;
+  }
+  radius_ = first;
+  return false;
 }
 
 Expected<bool> Loop::find_elastic_step() {

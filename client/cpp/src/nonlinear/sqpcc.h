@@ -68,6 +68,7 @@ class Loop {
   Expected<void> begin_again();
   Expected<void> make_curvature();
   Expected<bool> find_step();
+  Expected<bool> ask_wider();
   Expected<bool> find_elastic_step();
   Expected<bool> find_restoring_step();
   Expected<bool> find_leap();
