@@ -234,6 +234,27 @@ TEST(Strategy, BetweenAWarmAnswerAndAColdOneTheBetterWins) {
   EXPECT_GE(both, 8);
 }
 
+// In the user's units the objectives overflow.
+TEST(Strategy, AnObjectiveOfMinusInfinityIsNotAboveAReferenceOfMinusInfinity) {
+  int restored = 0;
+  for (std::uint64_t seed = 1; seed <= 60 && restored < 3; ++seed) {
+    const testing::RandomSizes sizes{.variables = 20, .equalities = 2, .inequalities = 10, .pairs = 8};
+    const OwnedProblem problem = testing::random_problem(sizes, seed);
+    Planned other(testing::random_problem(sizes, seed + 1000)), usual(problem), overflown(problem);
+    static_cast<void>(other.cold());
+    const Iterate start = *other.answer.x;
+    static_cast<void>(usual.warm(start, -1e30));
+    if (usual.answer.stayed_warm) continue;  // a small change, of which no objective is compared
+    static_cast<void>(usual.warm(start, kInfinity));
+    if (!usual.answer.stayed_warm) continue;
+    ++restored;
+    overflown.problem.c0 = -kInfinity;
+    static_cast<void>(overflown.warm(start, -kInfinity));
+    EXPECT_TRUE(overflown.answer.stayed_warm) << seed;
+  }
+  EXPECT_EQ(restored, 3);
+}
+
 // ½qx² − 2x + ½y² + gy over 0 ≤ x ⊥ y ≥ 0: (0, 0) solves the branch x = 0, but on the other x grows, to 2/q.
 OwnedProblem half_a_corner(double q, double g = 1.0) {
   OwnedProblem p = corner(0.0, 0.0);

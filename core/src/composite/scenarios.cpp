@@ -243,7 +243,7 @@ class StageLoop {
     controls.progress = progress_.sink();
     auto solution = solve_and_count(solver, controls, stage);
     if (!solution) return solution;
-    const bool stayed_warm = start != nullptr && std::isinf(solution->reference_objective);
+    const bool stayed_warm = start != nullptr && solution->reference_objective > solution->objective;
     stage.warm = stayed_warm && solution->factorizations <= tuning::warm_small_change;
     const bool goes_on = stage.scenarios < most_ || options.num_starts > 1;
     if (!is_solved(solution->status) || !stayed_warm || stage.warm || !goes_on) return solution;

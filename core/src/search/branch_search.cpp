@@ -287,7 +287,8 @@ bool BranchSearch::start_from(Run& run, const Iterate& solution, double referenc
   if (!moved && !mend(run, solution, mends, stage)) return false;
   const double objective = problem_.user_objective(incumbent_.best().objective);
   const auto has_risen = [&](double by) {
-    return objective > reference_objective + by * std::abs(reference_objective);
+    const double rise = std::isfinite(reference_objective) ? by * std::abs(reference_objective) : 0.0;
+    return objective > reference_objective + rise;
   };
   const bool is_worse = !moved && has_risen(tuning::alike);
   if (pulling(incumbent_) < tuning::many_pulling || options_.max_local_search_factorizations == 0 ||
