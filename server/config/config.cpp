@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "base/libpq.h"
+#include "base/page_url.h"
 #include "base/text_file.h"
 #include "config/certificates.h"
 #include "config/config_file.h"
@@ -154,6 +155,15 @@ void check_state(const Config& config, Faults& faults) {
     faults.push_back({source_of(config, "state"), invalid("state", "must not be set beside state_dir")});
 }
 
+void check_public_url(const Config& config, Faults& faults) {
+  if (config.public_url.empty() || !checked_page(config.public_url).empty()) return;
+  faults.push_back(
+      {source_of(config, "public_url"),
+       invalid("public_url", config.public_url,
+               "must be http://HOST:PORT or https://HOST:PORT, without user and path, of at most " +
+                   std::to_string(kLongestPageUrl) + " characters")});
+}
+
 }  // namespace
 
 tl::expected<Config, std::vector<ConfigFault>> load_config(const CommandLine& command_line) {
@@ -167,6 +177,7 @@ tl::expected<Config, std::vector<ConfigFault>> load_config(const CommandLine& co
   check_certificates(config, faults);
   check_log_levels(config, faults);
   check_state(config, faults);
+  check_public_url(config, faults);
   if (!faults.empty()) return unexpected(std::move(faults));
   return config;
 }

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 
+#include "base/page_url.h"
 #include "base/random_id.h"
 #include "base/status.h"
 #include "marble/version.h"
@@ -67,17 +68,6 @@ std::string reachable(const std::string& address, const std::string& host) {
   return is_of_all ? address.substr(0, begin) + host + address.substr(colon) : address;
 }
 
-std::string checked_page(const std::string& url) {
-  const std::size_t scheme = url.starts_with("https://") ? 8 : url.starts_with("http://") ? 7 : 0;
-  const auto is_of_host = [](char c) {
-    return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '.' ||
-           c == '-' || c == '_' || c == ':' || c == '[' || c == ']';
-  };
-  const bool valid =
-      scheme > 0 && url.size() > scheme && std::all_of(url.begin() + scheme, url.end(), is_of_host);
-  return valid ? url : "";
-}
-
 FleetRoster::FleetRoster(const ServiceParts& parts) : parts_(parts), instance_(random_id()) {
   list_.error = failure(ErrorCode::unavailable, "state", "is not connected yet");
 }
@@ -94,7 +84,7 @@ FleetRoster::~FleetRoster() {
 void FleetRoster::start(const std::string& address, const std::string& page) {
   const std::string host = machine_name();
   address_ = reachable(address, host);
-  page_ = reachable(page, host);
+  page_ = parts_.config.public_url.empty() ? reachable(page, host) : parts_.config.public_url;
   const std::size_t colon = address.rfind(':');
   name_ = host + (colon == std::string::npos ? "" : address.substr(colon));
   thread_ = std::thread([this] { run(); });

@@ -23,8 +23,8 @@ class FleetRoster final : public ServerRoster {
   FleetRoster(const FleetRoster&) = delete;
   FleetRoster& operator=(const FleetRoster&) = delete;
 
-  /// Begins to report. `address`: of the gRPC port; `page`: URL of the HTTP port, or empty. For a port on all
-  /// addresses, the host is this machine's name.
+  /// Begins to report. `address`: of the gRPC port; `page`: URL of the HTTP port, or empty; the setting
+  /// public_url takes its place. For a port on all addresses, the host is this machine's name.
   void start(const std::string& address, const std::string& page);
   [[nodiscard]] ServerList servers() const override ABSL_LOCKS_EXCLUDED(mutex_);
 
@@ -51,8 +51,5 @@ class FleetRoster final : public ServerRoster {
 
 /// Returns the address as other machines can use it: for all addresses, with the name of this machine.
 [[nodiscard]] std::string reachable(const std::string& address, const std::string& host);
-
-/// Returns the URL if it is one of http or https without user, path or spaces; else nothing.
-[[nodiscard]] std::string checked_page(const std::string& url);
 
 }  // namespace marble::server

@@ -200,6 +200,21 @@ TEST_F(Config, PrintedItReadsBackAsTheSame) {
   }
 }
 
+TEST_F(Config, ThePublicUrlIsOneOfAWebServer) {
+  const auto config = load({"--public-url", "https://solver-1.example:8443"});
+  ASSERT_TRUE(config.has_value()) << config.error()[0].message();
+  EXPECT_EQ(config->public_url, "https://solver-1.example:8443");
+  for (const std::string url :
+       {"solver-1", "http://", "https://user:secret@host", "http://host/page", "ftp://host",
+        "javascript:alert(1)", "http://host\\\" onclick=x", "http://a b"}) {
+    const auto wrong = faults("public_url = \"" + url + "\"\n");
+    ASSERT_EQ(wrong.size(), 1U) << url;
+    EXPECT_EQ(wrong[0].rfind("1: public_url", 0), 0U) << wrong[0];
+    EXPECT_NE(wrong[0].find("without user and path, of at most 256 characters"), std::string::npos)
+        << wrong[0];
+  }
+}
+
 TEST_F(Config, EverySettingsDefaultIsInItsRange) {
   Settings settings;
   for (const SettingInfo& setting : setting_table())

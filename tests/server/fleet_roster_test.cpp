@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "base/page_url.h"
+
 namespace marble::server {
 namespace {
 
@@ -21,9 +23,13 @@ TEST(FleetRoster, OtherAddressesStayAsTheyAre) {
 TEST(FleetRoster, OnlyAddressesOfWebServersAreLinks) {
   for (const std::string page : {"http://solver-1:50080", "https://10.0.0.7:50080", "http://[::1]:50080"})
     EXPECT_EQ(checked_page(page), page);
-  for (const std::string page :
-       {"", "http://", "javascript:alert(1)", "http://user@host", "http://host/path", "http://host:1\n",
-        "ftp://host", "//host", "HTTP://host", "http://h\xc3\xb6st"})
+  const std::string longest = "http://" + std::string(kLongestPageUrl - 7, 'a');
+  EXPECT_EQ(checked_page(longest), longest);
+  for (const std::string& page :
+       {longest + "a", std::string(), std::string("http://h\0st", 11), std::string("http://"),
+        std::string("javascript:alert(1)"), std::string("http://user@host"), std::string("http://host/path"),
+        std::string("http://host:1\n"), std::string("ftp://host"), std::string("//host"),
+        std::string("HTTP://host"), std::string("http://h\xc3\xb6st")})
     EXPECT_EQ(checked_page(page), "") << page;
 }
 

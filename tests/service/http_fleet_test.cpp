@@ -98,6 +98,13 @@ TEST_F(HttpFleet, ADrainingServerIsListedAsSuch) {
   EXPECT_EQ(busy.server().wait(), 0);
 }
 
+TEST_F(HttpFleet, ThePublicUrlIsTheLinkToAServer) {
+  const auto a = start(), b = start({"--public-url", "https://solver-b.example:8443"});
+  ASSERT_TRUE(comes_to(*a, *b, "serving"));
+  EXPECT_EQ(listed(*a, *b).at("page"), "https://solver-b.example:8443");
+  EXPECT_EQ(listed(*a, *a).at("page"), a->server().http());
+}
+
 TEST_F(HttpFleet, WhenTheStoreIsLostTheListIsOldAndSaysWhy) {
   const auto a = start(), b = start();
   ASSERT_TRUE(comes_to(*a, *b, "serving"));
