@@ -64,6 +64,14 @@ def wait_until(condition, seconds: float = 120.0) -> bool:
     return True
 
 
+def stop_all(process) -> None:
+    """Stops a process; returns when all of its threads have stopped: until then one may still answer."""
+    process.send_signal(signal.SIGSTOP)
+    tasks = pathlib.Path(f"/proc/{process.pid}/task")
+    assert wait_until(lambda: all((task / "stat").read_text().rpartition(")")[2].split()[0] == "T"
+                                  for task in tasks.iterdir()))
+
+
 def tiny() -> marble.LCQP:
     """min (z0 - 1)^2 + (z1 - 1)^2 over the two half-axes: z is (1, 0) or (0, 1), the objective 1."""
     return marble.LCQP(2 * np.eye(2), [-2, -2], L=[1, 0], R=[0, 1], c0=2.0, name="tiny")

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import concurrent.futures
-import pathlib
 import signal
 import time
 
 import pytest
-from support import long_solve, tiny, wait_until
+from support import long_solve, stop_all, tiny, wait_until
 
 import marble
 from marble.connection import connect
@@ -21,14 +20,6 @@ def pool():
         yield one
 
 
-def _silence(process):
-    """Returns when all of its threads have stopped: until then one may still answer."""
-    process.send_signal(signal.SIGSTOP)
-    tasks = pathlib.Path(f"/proc/{process.pid}/task")
-    assert wait_until(lambda: all((task / "stat").read_text().rpartition(")")[2].split()[0] == "T"
-                                  for task in tasks.iterdir()))
-
-
 def test_a_server_that_is_silent_is_lost_once_it_answers_no_ping(start_server, pool):
     server = start_server("--keepalive-s", "1")
     problem, options = long_solve()
@@ -36,7 +27,7 @@ def test_a_server_that_is_silent_is_lost_once_it_answers_no_ping(start_server, p
         solve = pool.submit(client.solve, problem, options=options)
         assert wait_until(lambda: client.info().counters["running"] == 1)
         begun = time.monotonic()
-        _silence(server.process)
+        stop_all(server.process)
         with pytest.raises(marble.Unavailable):
             solve.result(60)
         assert time.monotonic() - begun < 20  # of the 45 s that it takes else
@@ -51,7 +42,7 @@ def test_a_session_leaves_a_server_that_is_silent(start_server):
                 client.session(tiny()) as session:
             assert (await session.update()).solved
             busy = await _busy()
-            _silence(busy.process)
+            stop_all(busy.process)
             assert (await session.update()).reopened
             busy.process.send_signal(signal.SIGCONT)
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import functools
-import os
 import signal
 import sys
 
 import numpy as np
 import pytest
-from support import wait_until
+from support import stop_all, wait_until
 
 import marble
 from marble.base.tables import Status
@@ -305,14 +304,15 @@ def test_a_server_that_hangs_does_not_stop_the_loop(start_server):
     server = start_server()
     with Controller(CartPole(), task(deadline=0.02), state=START, server=server.address) as controller:
         before, state = closed_loop(controller, 3)
-        os.kill(server.process.pid, signal.SIGSTOP)
+        stop_all(server.process)
         try:
-            steps, state = closed_loop(controller, 20, prepares=True, state=state)
+            steps, state = closed_loop(controller, 15, prepares=True, state=state)
         finally:
-            os.kill(server.process.pid, signal.SIGCONT)
-        assert steps[0].plan.detail == "no answer within 0.2 s after the deadline"
+            server.process.send_signal(signal.SIGCONT)
+        assert steps[0].plan.detail.endswith("0.1 s after the deadline")
         assert all(step.is_fallback and step.plan.feasible and step.plan.solution is None for step in steps)
-        assert controller.statistics.errors == 20 and controller.statistics.infeasible == 0
+        assert controller.statistics.unsolved >= 15
+        assert controller.statistics.errors == 0 and controller.statistics.infeasible == 0
         assert before[-1].plan.feasible and wait_until(lambda: controller.step(state).plan.status is Status.SOLVED)
 
 

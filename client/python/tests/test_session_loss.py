@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import signal
-import threading
 
 import numpy as np
 import pytest
@@ -18,60 +17,6 @@ from marble.hopper import Hopper
 from marble.message.requests import Call
 
 pytestmark = pytest.mark.usefixtures("way_of_sessions")
-
-
-class _Awaited:
-    """A session of marble.aio, on a loop of its own, used as a plain one."""
-
-    def __init__(self, address, problem, client_options, **more):
-        self._loop = asyncio.new_event_loop()
-        threading.Thread(target=self._loop.run_forever, daemon=True).start()
-
-        async def opened():
-            self._client = marble.aio.Client(address, **client_options)
-            return await self._client.session(problem, **more).__aenter__()
-
-        self._session = self._run(opened())
-
-    def _run(self, what):
-        return asyncio.run_coroutine_threadsafe(what, self._loop).result(60)
-
-    def __getattr__(self, name):
-        found = getattr(self._session, name)
-        if not asyncio.iscoroutinefunction(found):
-            return found
-        return lambda *arguments, **more: self._run(found(*arguments, **more))
-
-    def end(self):
-        self._run(self._session.close())
-        self._run(self._client.close())
-        self._loop.call_soon_threadsafe(self._loop.stop)
-
-
-class _Plain:
-    def __init__(self, address, problem, client_options, **more):
-        self._client = marble.Client(address, **client_options)
-        self._session = self._client.session(problem, **more)
-
-    def __getattr__(self, name):
-        return getattr(self._session, name)
-
-    def end(self):
-        self._session.close()
-        self._client.close()
-
-
-@pytest.fixture(params=[_Plain, _Awaited], ids=["plain", "asyncio"])
-def open_session(request):
-    opened = []
-
-    def begin(address, problem, client_options=None, **more):
-        opened.append(request.param(address, problem, client_options or {}, **more))
-        return opened[-1]
-
-    yield begin
-    for one in opened:
-        one.end()
 
 
 def _serving(servers):

@@ -216,15 +216,18 @@ class Client(Connected):
     def session(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                 priority: Priority | str | None = None, latest_only: bool = False, reopen: bool = True,
                 progress: Callable[[int, Progress], object] | None = None, request_id: str = "",
-                progress_interval: float = 0.0, iterate_every: int = 0, **more_options: Any) -> Session:
+                progress_interval: float = 0.0, iterate_every: int = 0,
+                answer_grace: float = requests.ANSWER_GRACE_S, **more_options: Any) -> Session:
         """Sets a problem up once, to solve it repeatedly with new numbers.
 
         latest_only: an update that still waits when the next one arrives is not solved, and its numbers become part of
         the next one. reopen: if the server is lost or leaves, the session is set up again as it was, see Session;
         otherwise it ends. progress: receives the update's number and each row, within update() or next(). priority:
-        None is realtime. Use it as a context manager.
+        None is realtime. answer_grace: seconds in [0, 3600] that update() waits for an answer after its deadline; the
+        server sends it before the deadline, and this is for its way. Use it as a context manager.
         """
-        call = Call(requests.merged(options, more_options), priority, request_id, progress_interval, iterate_every)
+        call = Call(requests.merged(options, more_options), priority, request_id, progress_interval, iterate_every,
+                    answer_grace=answer_grace)
         return self._transport.session(problem, call, latest_only, progress, reopen)
 
 

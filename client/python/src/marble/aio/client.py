@@ -80,9 +80,11 @@ class Client(threads.Connected):
     def session(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                 priority: Priority | str | None = None, latest_only: bool = False, reopen: bool = True,
                 progress: Callable[[int, Progress], object] | None = None, request_id: str = "",
-                progress_interval: float = 0.0, iterate_every: int = 0, **more_options: Any) -> Session:
+                progress_interval: float = 0.0, iterate_every: int = 0,
+                answer_grace: float = requests.ANSWER_GRACE_S, **more_options: Any) -> Session:
         """Sets a problem up once: `async with client.session(problem) as session`. See marble.Client.session."""
-        call = Call(requests.merged(options, more_options), priority, request_id, progress_interval, iterate_every)
+        call = Call(requests.merged(options, more_options), priority, request_id, progress_interval, iterate_every,
+                    answer_grace=answer_grace)
         session: Session = self._transport.session(problem, call, latest_only, progress, reopen)
         return session
 

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import queue
-from typing import Any, Final
+from typing import Any
 
 from marble import errors
 from marble.base.lazy import lazy
-from marble.calls.links import Link, is_put
+from marble.calls.links import AHEAD, Link, is_put, taken
 from marble.connection.background import Background, shared
 from marble.connection.rpc import Calls, Rpc
 from marble.errors import Cancelled, Error
 
 grpc: Any = lazy("grpc")
-_AHEAD: Final = 8  # messages that are read ahead; more wait at the server
 
 
 class OfLoop(Link):
@@ -23,7 +22,7 @@ class OfLoop(Link):
     def __init__(self, rpc: Rpc, first: bytes) -> None:
         self.again = []
         self._outbox: queue.Queue[bytes | None] = queue.Queue(maxsize=1)
-        self._inbox: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()  # None is the end
+        self._inbox: queue.SimpleQueue[bytes | Error | None] = queue.SimpleQueue()  # an error or None is the end
         self._reason: Error | None = None
         self._active, self._is_full = True, False
         self._loop: Background = shared()
@@ -62,7 +61,7 @@ class OfLoop(Link):
             while (data := await stream.read()) is not grpc.aio.EOF:
                 self._inbox.put(data)
                 self._is_full = True  # before the size is read: receive() reads it after taking a message
-                if self._inbox.qsize() >= _AHEAD:
+                if self._inbox.qsize() >= AHEAD:
                     self._room.clear()
                     await self._room.wait()
                 self._is_full = False
@@ -76,7 +75,7 @@ class OfLoop(Link):
             self._reason = Cancelled("the session was given up")
         finally:
             self._active = False
-            self._inbox.put(None)
+            self._inbox.put(self._reason)
             self._is_set_up.set()
             self.end()
 
@@ -87,16 +86,12 @@ class OfLoop(Link):
         self._loop.soon(self._wake.set)
         return True
 
-    def receive(self) -> bytes | None:
+    def receive(self, seconds: float | None = None) -> bytes | None:
         """Waits for the next message; see Link."""
-        if (data := self._inbox.get()) is not None:
-            if self._is_full:
-                self._loop.soon(self._room.set)
-            return data
-        self._inbox.put(None)
-        if self._reason is not None:
-            raise self._reason
-        return None
+        data = taken(self._inbox, seconds)
+        if self._is_full:
+            self._loop.soon(self._room.set)
+        return data
 
     def begin(self) -> None:
         """Starts the sending; see Link."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import threading
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -16,7 +18,7 @@ from marble.base.checks import is_number
 from marble.base.tables import VALUES, VECTORS, Status
 from marble.calls.changes import changes_of, update_encoder
 from marble.calls.shift import Shift
-from marble.errors import Cancelled, FailedPrecondition, InvalidArgument, Unavailable
+from marble.errors import Cancelled, DeadlineExceeded, FailedPrecondition, InvalidArgument, Unavailable
 from marble.message import answers, requests, wire
 from marble.message.wire import Encoder
 from marble.model import lcqp
@@ -27,7 +29,12 @@ from marble.model.solution import Progress, Solution
 
 _PARTS: Final = ("c0", *VECTORS, *VALUES)
 _FIXED: Final = "scaling_passes"  # an option that updates may not change
+_MOST_MISSES: Final = 20  # updates in a row that a server may leave unanswered beyond their deadlines
 _STARTS: Final = (Status.SOLVED, Status.ALMOST_SOLVED, Status.TIME_LIMIT)  # of answers that the next solve starts from
+
+
+class Late(Exception):
+    """What a session waits for has not come in time; it may come later."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +90,7 @@ class _Update:
     before: _State
     has_result: bool = False
     first_part: bool = False  # the preparation phase, which may never have a result
+    given_up: bool = False  # no one waits for its result
 
     @property
     def after(self) -> _State:
@@ -120,6 +128,7 @@ class SessionCore:
         self._leads = False  # whether no solve was requested since it was reopened
         self._call = requests.Call()
         self._latest_only = False
+        self.misses = 0  # updates in a row that were not answered in time
 
     @property
     def current(self) -> LCQP:
@@ -134,12 +143,13 @@ class SessionCore:
     def set_up(self, call: requests.Call, latest_only: bool) -> bytes:
         """The first message of the first stream."""
         requests.check_request_id(call.request_id)
-        requests.check_progress(call)
+        requests.check_session(call)
         self._call, self._latest_only = call, latest_only
         return self.set_up_again()
 
     def set_up_again(self) -> bytes:
         """The first message of another stream: the session as it was before the updates without a result."""
+        self._leave_given_up()
         with self._lock:
             waiting = next((update for update in self._updates.values() if not update.has_result), None)
             state = self._state if waiting is None else waiting.before
@@ -162,20 +172,58 @@ class SessionCore:
         """The messages that follow once all is set up: the updates without a result, in their order."""
         with self._lock:
             self.reopened += 1
+            self.misses = 0
             self._is_reopened = True
             self._start, self._leads = self._newest, True
-            return [self._message(number, update.changes, update.controls, update.first_part, update.before.current)
+            # Those that were given up since the set-up become preparations: they need no solves.
+            return [self._message(number, update.changes, _as_preparation(update), update.first_part or update.given_up,
+                                  update.before.current)
                     for number, update in self._updates.items() if not update.has_result]
 
     def give_up(self, sequence: int) -> None:
-        """Gives an update up; its numbers are kept, and so is its shift of the last z."""
+        """Gives an update up: its result is discarded. Its numbers are kept, and so is its shift of the last z."""
         with self._lock:
-            if (update := self._updates.get(sequence)) is None or update.has_result:
-                return
+            if (update := self._updates.get(sequence)) is not None:
+                update.given_up = True
+
+    def _leave_given_up(self) -> None:
+        """Takes updates that were given up as the server would have, which is lost."""
+        with self._lock:
+            left = [number for number, one in self._updates.items() if one.given_up and not one.has_result]
             for number, one in self._updates.items():
-                if not one.has_result and (number == sequence or (one.first_part and number < sequence)):
+                if not one.has_result and any(number == last or (one.first_part and number < last) for last in left):
                     self._newest = one.controls.moved(self._newest)
-        self.settle(sequence, kept=True)
+        for number in left:
+            self.settle(number, kept=True)
+
+    def answer_by(self, deadline: float | None) -> float | None:
+        """Until when an update waits that is sent now, by time.monotonic(); None is for ever."""
+        return None if deadline is None else time.monotonic() + deadline + self._call.answer_grace
+
+    def open_by(self) -> float:
+        """Until when a server that gets the set-up now may take to set the session up; after it, it counts as hung."""
+        return time.monotonic() + 1.0 + 10.0 * self.setup_s
+
+    def prepared_by(self) -> float:
+        """Until when a preparation waits that is sent now: its update may take it along."""
+        return time.monotonic() + self._call.answer_grace
+
+    def miss(self, sequence: int, deadline: float) -> DeadlineExceeded:
+        """Gives an update up whose result has not come in time; its error."""
+        self.give_up(sequence)
+        with self._lock:  # a server that solves an earlier update need not hang
+            busy = any(number < sequence and not (one.has_result or one.given_up or one.first_part)
+                       for number, one in self._updates.items())
+        self.misses += not busy
+        grace, after = self._call.answer_grace, deadline + self._call.answer_grace
+        return DeadlineExceeded(f"the server did not answer within {after:g} s, {grace:g} s after the deadline")
+
+    @property
+    def lost(self) -> Unavailable | None:
+        """Of a server that has left too many updates without an answer."""
+        if self.misses < _MOST_MISSES:
+            return None
+        return Unavailable(f"the server left {_MOST_MISSES} updates in a row without an answer")
 
     def update(self, problem: LCQP | Problem | None = None, *, options: Mapping[str, Any] | None = None,
                z0: ArrayLike | None = None, cold: bool = False, shift: Shift | int | None = None,
@@ -300,14 +348,18 @@ class SessionCore:
         outcome: Solution | Superseded | errors.Error
         if kind == "answer":
             answer = answers.solution(body.solution, arrays, "answer.solution.", problem, self.job_id)
-            outcome = in_terms_of(given, self._first_of_epoch(answer))
+            outcome = in_terms_of(given, self._first_of_epoch(answer, update.given_up))
         else:
             outcome = error or Superseded(body.by_sequence)
+        self.misses = 0
+        if update.given_up:
+            return False, None
         return True, SessionEvent(body.sequence, outcome)
 
-    def _first_of_epoch(self, answer: Solution) -> Solution:
+    def _first_of_epoch(self, answer: Solution, given_up: bool) -> Solution:
         with self._lock:
-            reopened, self._is_reopened = self._is_reopened, False
+            reopened = self._is_reopened and not given_up
+            self._is_reopened = self._is_reopened and given_up
             self._start = None
             if answer.status in _STARTS:
                 self._newest = answer.z
@@ -319,6 +371,12 @@ class SessionCore:
         self.memory_bytes = message.memory_bytes
         self.setup_s = message.setup_s
         self.idle_timeout_s = message.idle_timeout_s
+
+
+def _as_preparation(update: _Update) -> _Controls:
+    """The controls of an update, without those that a preparation may not have if it becomes one."""
+    controls = update.controls
+    return dataclasses.replace(controls, deadline=None, sensitivity=None) if update.given_up else controls
 
 
 def check_sensitivity_of_part(sensitivity: object, first_part: bool) -> None:

@@ -97,7 +97,7 @@ class Controller:
 
     Each step has inputs, also if its solve is late, fails or has no answer as of a server that is lost or hangs: the
     plan is then the last one, moved on and rolled out from the measured state, until another session is open. A step
-    with a deadline takes at most a quarter of a second more. `statistics` counts that. A context manager: leaving it
+    with a deadline takes at most a tenth of a second more. `statistics` counts that. A context manager: leaving it
     ends the session. One thread at a time.
 
     Raises InvalidArgument with the field of the task or of the model, and the errors of Planner, from where the first
@@ -226,9 +226,8 @@ class Controller:
     def __enter__(self) -> Controller:
         return self
 
-    def __exit__(self, kind: object, *rest: object) -> None:
-        self._is_closed = True
-        self._close_planner(at_once=kind is not None)
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def _begin(self, state: Any) -> tuple[Plan, Linearization]:
         """Opens the session, and makes the first plan in it."""
@@ -249,7 +248,7 @@ class Controller:
         try:
             plan = self.planner.step(now.x0, x_ref=x_ref, last_u=now.u)
         except BaseException:
-            self._close_planner(at_once=True)
+            self._close_planner()
             raise
         self._current = _Trajectory(plan.u, plan.x, now)
         return plan, now
@@ -309,11 +308,11 @@ class Controller:
         if self._is_closed:
             raise FailedPrecondition("the controller is closed")
 
-    def _close_planner(self, at_once: bool = False) -> None:
+    def _close_planner(self) -> None:
         self._ahead = None
         plans, self._plans = self._plans, None
         if plans is not None:
-            plans.close(at_once)
+            plans.close()
 
 
 def _is_linearizer(model: Any) -> bool:

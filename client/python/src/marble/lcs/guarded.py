@@ -10,18 +10,15 @@ from typing import Final
 from marble.errors import Aborted, Cancelled, FailedPrecondition, Refused, ServerError, Unavailable
 from marble.lcs.planner import Plan, Planner
 from marble.lcs.system import LCS, Array
-from marble.lcs.watchdog import Watchdog
 
 _WITHOUT_ANSWER: Final = (Unavailable, Refused, Aborted, Cancelled, ServerError)
 """Errors of a solve after which a loop must go on."""
 _LEAST_S: Final = 1e-6
 """Deadline of a solve for which no time is left."""
-_GRACE_S: Final = 0.2
-"""After the deadline of a solve without an answer, until its session is given up: servers end solves before it."""
 
 
 class GuardedPlanner:
-    """Plans over a session until that is lost, hangs or ends; then along the last plan, while it opens another one.
+    """Plans over a session until that is lost or ends; then along the last plan, while it opens another one.
 
     open: makes a planner of a system, with a session that is not reopened. What it raises at first is raised; later it
     is called on a thread of its own, again and again, and its error is part of the plans' details.
@@ -36,15 +33,13 @@ class GuardedPlanner:
         self._is_opening = self._is_closed = False
         self._opened: Planner | None = None
         self._why = ""
-        self._watchdog = Watchdog(lambda: self.planner.session.cancel())
 
     def prepare(self, lcs: LCS, x_ref: Array, shift: int) -> bool:
         """Planner.prepare; whether the next step is prepared."""
         if not self.planner.session.is_open:
             return False
         try:
-            with self._watchdog.watch(_GRACE_S):
-                self.planner.prepare(lcs=lcs, x_ref=x_ref, shift=shift)
+            self.planner.prepare(lcs=lcs, x_ref=x_ref, shift=shift)
         except _WITHOUT_ANSWER:
             return False
         self._prepared = x_ref
@@ -62,17 +57,14 @@ class GuardedPlanner:
         planner = self.planner
         deadline = None if math.isinf(seconds) else max(seconds, _LEAST_S)
         try:
-            with self._watchdog.watch(math.inf if deadline is None else deadline + _GRACE_S):
-                if prepared is not None and not is_other:
-                    return planner.feedback(x0, last_u=last_u, deadline=deadline), ""
-                return planner.step(x0, lcs=lcs, x_ref=x_ref if prepared is None else prepared, last_u=last_u,
-                                    u=u if is_other else None, shift=0 if is_other else shift, deadline=deadline), ""
+            if prepared is not None and not is_other:
+                return planner.feedback(x0, last_u=last_u, deadline=deadline), ""
+            return planner.step(x0, lcs=lcs, x_ref=x_ref if prepared is None else prepared, last_u=last_u,
+                                u=u if is_other else None, shift=0 if is_other else shift, deadline=deadline), ""
         except (*_WITHOUT_ANSWER, FailedPrecondition) as error:
             if isinstance(error, FailedPrecondition) and planner.session.is_open:
                 raise
             text = f"{type(error).__name__}: {error}" + (f"; {self._why}" if self._why else "")
-            if self._watchdog.has_cancelled:
-                text = f"no answer within {_GRACE_S:g} s after the deadline"
             if not planner.session.is_open:
                 self._start_opening(lcs)
             return planner.fall_back(text), text
@@ -108,15 +100,10 @@ class GuardedPlanner:
         if made is not None:
             made.__exit__(Cancelled)
 
-    def close(self, at_once: bool = False) -> None:
-        """Ends the session. at_once: with what is under way."""
+    def close(self) -> None:
+        """Ends the session at once: no solve is under way, and the server may hang."""
         with self._lock:
             self._is_closed, opened = True, self._opened
         if opened is not None:
             opened.__exit__(Cancelled)
-        with self._watchdog.watch(_GRACE_S):
-            try:
-                self.planner.__exit__(Cancelled if at_once else None)
-            except _WITHOUT_ANSWER:  # the session has ended before
-                pass
-        self._watchdog.end()
+        self.planner.__exit__(Cancelled)

@@ -154,6 +154,10 @@ def sensitivity_encoder(request: SensitivityRequest, problem: LCQP) -> Encoder:
     return sensitivity.encoder(derivatives.asked(request, problem), matrix_encoder)
 
 
+ANSWER_GRACE_S: Final = 0.1
+_LONGEST_GRACE_S: Final = 3600
+
+
 @dataclass(frozen=True)
 class Call:
     """What accompanies one solve.
@@ -162,7 +166,7 @@ class Call:
     bytes of printable ASCII. progress_interval: least time between two reports, seconds, ≥ 0; 0 reports every
     iteration. iterate_every: Progress.z is set in every k-th report, if it is the newest when it is sent; 0 never.
     warm_start: a solution of this problem or one like it, of the same sizes: its branch is tried before anything else.
-    sensitivity: derivatives of the solution to compute with it.
+    sensitivity: derivatives of the solution to compute with it. answer_grace: of a session.
     """
 
     options: Mapping[str, Any] | None = None
@@ -172,6 +176,7 @@ class Call:
     iterate_every: int = 0
     warm_start: Solution | None = None
     sensitivity: SensitivityRequest | None = None
+    answer_grace: float = ANSWER_GRACE_S
 
     def __post_init__(self) -> None:
         check_sensitivity(self.sensitivity)
@@ -232,6 +237,13 @@ def check_progress(call: Call) -> None:
         raise InvalidArgument("progress_interval", "must be finite and >= 0", value=interval)
     if not (isinstance(call.iterate_every, numbers.Integral) and 0 <= call.iterate_every < 2**31):
         raise InvalidArgument("iterate_every", "must be a whole number in [0, 2**31)", value=call.iterate_every)
+
+
+def check_session(call: Call) -> None:
+    """What only a session has, and its progress."""
+    check_progress(call)
+    if not (is_number(call.answer_grace) and 0 <= call.answer_grace <= _LONGEST_GRACE_S):
+        raise InvalidArgument("answer_grace", f"must be in [0, {_LONGEST_GRACE_S}] seconds", value=call.answer_grace)
 
 
 def solve_stream(problem: LCQP | str, call: Call, **parts: Encoder) -> bytes:

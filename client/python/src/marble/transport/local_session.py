@@ -36,7 +36,7 @@ class LocalSession(Session):
         self._running: Any = None
         requests.check_request_id(call.request_id)
         requests.priority_number(call.priority)
-        requests.check_progress(call)
+        requests.check_session(call)
         with core_errors():
             self._solver = core().Warm(self._core.current, core_options(call.options))
         self._core.memory_bytes = self._solver.memory_bytes
@@ -98,10 +98,13 @@ class LocalSession(Session):
             self._running = None
             self._core.settle(sequence, kept)
 
+    def _sent(self, problem: LCQP | Problem | None, changes: dict[str, Any]) -> tuple[int, float | None]:
+        return self.send(problem, **changes), None
+
     def _tries(self, deadline: float | None) -> Tries | None:
         return None
 
-    def _read(self, tries: Tries | None = None) -> SessionEvent | None:
+    def _read(self, tries: Tries | None = None, until: float | None = None) -> SessionEvent | None:
         return None
 
     def close(self) -> None:
