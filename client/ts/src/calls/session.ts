@@ -6,6 +6,7 @@ import {
   RefusedError,
   SupersededError,
   errorOf,
+  invalid,
 } from "../errors.js";
 import type { Connection } from "../connection/connection.js";
 import type { SessionAnswer, SessionReady, SessionSuperseded, SessionUpdate } from "../generated/marble/v1/session.js";
@@ -18,12 +19,16 @@ import { SessionMemory } from "./session-memory.js";
 import { type SessionEvent, SessionStream } from "./session-stream.js";
 import { type UpdateControls, updateOf } from "./session-update.js";
 import { type RequestControls, type StreamControls, expect, initialPoint, priorityOf } from "./solve.js";
-import { cancelled, errorOfCall, errorOfStatus, isLost } from "./status.js";
+import { cancelled, errorOfCall, errorOfStatus, isLost, lost } from "./status.js";
 
 const reopenMs = 10_000;
-/** Minimum time for the last attempt. */
+/** Minimum time for an attempt. */
 const shortestAttemptMs = 1000;
 const longestTimerMs = 2 ** 31 - 1;
+const answerGraceMs = 100;
+const longestGraceMs = 3_600_000;
+/** Updates in a row that a server may leave unanswered beyond their deadlines. */
+const mostMisses = 20;
 
 /** Parameters of a whole session. All are optional. */
 export interface SessionControls
@@ -43,6 +48,11 @@ export interface SessionControls
   reopen?: boolean;
   /** Time limit of reopening, in milliseconds > 0; then the session ends with an UnavailableError. Default 10,000. */
   reopenMs?: number;
+  /**
+   * How long an update waits for an answer after its deadline, in milliseconds in [0, 3,600,000]: the way of an answer,
+   * which the server sends before the deadline. Default 100.
+   */
+  answerGraceMs?: number;
   /** Called once for each reopening. If it throws, the session ends. */
   onReopen?: (reopening: Reopening) => void;
 }
@@ -61,6 +71,8 @@ interface Sent {
   message: SessionUpdate;
   /** Absent for the first part of an update. */
   waiting?: Waiting;
+  /** An update whose result is discarded. */
+  givenUp?: boolean;
 }
 
 interface Waiting {
@@ -88,6 +100,8 @@ export class Session implements AsyncDisposable {
   private restartsSeen = 0;
   private wake: () => void = () => undefined;
   private lostCause?: MarbleError; // while there is no server
+  private misses = 0; // updates in a row that were not answered in time
+  private hung?: MarbleError; // why the stream was given up
 
   private constructor(
     private readonly connection: Connection,
@@ -105,6 +119,9 @@ export class Session implements AsyncDisposable {
   static async open(connection: Connection, problem: Problem, controls: SessionControls): Promise<Session> {
     const { message, shape } = checkProblem(problem);
     checkDeadline("reopenMs", controls.reopenMs);
+    const grace = controls.answerGraceMs ?? answerGraceMs;
+    if (!(typeof grace === "number" && grace >= 0 && grace <= longestGraceMs))
+      throw invalid("answerGraceMs", `must be in [0, ${longestGraceMs}]`, { value: grace });
     const setup = {
       problem: message,
       options: optionsMessage(controls.options),
@@ -162,26 +179,34 @@ export class Session implements AsyncDisposable {
    * Solves with new data, or with the current data. Several updates may wait; they are solved in their order. With
    * `reopen` the next server solves the unfinished updates of a lost one, and their deadlines start again there. An
    * update waits for that server at most `deadlineMs` from the call: then it rejects with an UnavailableError, its data
-   * take effect with the next update, and the session continues.
+   * take effect with the next update, and the session continues. If a server is silent, as one that hangs, the update
+   * rejects with a DeadlineError `answerGraceMs` after its deadline, and a later answer is discarded; after 20 such
+   * updates in a row the server counts as lost.
    */
   async update(update: ProblemUpdate = {}, controls: UpdateControls = {}): Promise<Solution> {
     const message = updateOf(this.sequence + 1, update, controls, this.shape);
     if (this.end !== undefined) throw this.end;
     return new Promise((resolve, reject) => {
       const waiting = { resolve, reject, until: performance.now() + (controls.deadlineMs ?? Infinity) };
-      this.send({ message, waiting: this.memory === undefined ? waiting : this.timed(waiting, controls.deadlineMs) });
+      this.send({ message, waiting: this.timed(waiting, this.sequence + 1, controls.deadlineMs) });
     });
   }
 
-  // Rejects an update whose deadline passes while the server is lost; otherwise the server reports the deadline.
-  private timed(waiting: Waiting, deadlineMs: number | undefined): Waiting {
-    if (deadlineMs === undefined || deadlineMs > longestTimerMs) return waiting;
+  // Rejects an update whose deadline passes while the server is lost; otherwise the server reports the deadline, unless
+  // it is silent.
+  private timed(waiting: Waiting, sequence: number, deadlineMs: number | undefined): Waiting {
+    const graceMs = this.controls.answerGraceMs ?? answerGraceMs;
+    if (deadlineMs === undefined || deadlineMs + graceMs > longestTimerMs) return waiting;
     // One millisecond later, because a timer may fire a little early.
-    const timer = setTimeout(() => this.lostCause && this.rejectLate(this.lostCause), Math.ceil(deadlineMs) + 1);
+    const later = (ms: number, action: () => void): NodeJS.Timeout => setTimeout(action, Math.ceil(ms) + 1);
+    const timers = [
+      later(deadlineMs, () => this.lostCause && this.rejectLate(this.lostCause)),
+      later(deadlineMs + graceMs, () => this.miss(sequence, deadlineMs + graceMs, graceMs)),
+    ];
     const untimed =
       <Result>(settle: (result: Result) => void) =>
       (result: Result): void => {
-        clearTimeout(timer);
+        timers.forEach(clearTimeout);
         settle(result);
       };
     return { ...waiting, resolve: untimed(waiting.resolve), reject: untimed(waiting.reject) };
@@ -196,6 +221,22 @@ export class Session implements AsyncDisposable {
     }
   }
 
+  // Gives up an update whose result has not come in time. A server that answers none is lost.
+  private miss(sequence: number, afterMs: number, graceMs: number): void {
+    const sent = this.sent.get(sequence);
+    if (sent?.waiting === undefined) return;
+    this.leaveToNext(sequence, sent.message);
+    // A server that solves an earlier update need not hang.
+    const busy = [...this.sent].some(([number, { waiting }]) => number < sequence && waiting !== undefined);
+    if (!busy) this.misses += 1;
+    if (this.misses === mostMisses) {
+      this.hung = lost(`the server left ${mostMisses} updates in a row without an answer`, undefined);
+      this.stream?.cancel();
+    }
+    const text = `the server did not answer within ${afterMs} ms, ${graceMs} ms after the deadline`;
+    sent.waiting.reject(errorOf("deadline_exceeded", text));
+  }
+
   /**
    * Sends the first part of an update before all of its data are known. The next update is the second part; its
    * solution has the bits of one update with both parts. The server scales the data and factorizes for the branch on
@@ -208,11 +249,15 @@ export class Session implements AsyncDisposable {
     this.send({ message });
   }
 
-  /** Ends the session after the updates sent so far, and waits until they have their results. */
+  /**
+   * Ends the session after the updates sent so far, and waits until they have their results. It does not wait for a
+   * server that has left the last update without an answer.
+   */
   async close(): Promise<void> {
     if (this.end === undefined) {
       this.end = ended();
-      this.stream?.end();
+      if (this.misses > 0) this.aborter.abort();
+      else this.stream?.end();
       this.wake();
     }
     await this.finished;
@@ -257,8 +302,10 @@ export class Session implements AsyncDisposable {
     try {
       for await (const event of this.stream?.events() ?? []) this.take(event);
       return undefined;
-    } catch (error) {
+    } catch (thrown) {
       if (this.aborter.signal.aborted) throw cancelled(this.aborter.signal);
+      const error = this.hung ?? thrown;
+      this.hung = undefined;
       if (this.memory === undefined || !isLost(error)) throw error;
       this.stream = undefined;
       this.lostCause = error;
@@ -281,7 +328,9 @@ export class Session implements AsyncDisposable {
       const unanswered = [...this.sent.values()].map(({ message }) => message);
       const setup = expect(this.memory).setupFor(unanswered, this.epoch + 1);
       try {
-        const withinMs = Math.max(shortestAttemptMs, end - performance.now());
+        const leftMs = Math.max(shortestAttemptMs, end - performance.now());
+        // A server that takes much longer than the last one counts as one that hangs.
+        const withinMs = Math.min(leftMs, shortestAttemptMs + 10_000 * this.setupS);
         stream = await SessionStream.open(this.connection, setup, signal, withinMs);
       } catch (error) {
         // The server may not have released the lost session's resources yet.
@@ -290,7 +339,7 @@ export class Session implements AsyncDisposable {
       }
     }
     this.epoch += 1;
-    this.restartsSeen = 0;
+    this.restartsSeen = this.misses = 0;
     this.ready = stream.ready;
     this.stream = stream;
     this.lostCause = undefined;
@@ -310,7 +359,12 @@ export class Session implements AsyncDisposable {
     const sent = this.sent.get(sequence);
     const error = event.$case === "error" ? errorOfStatus(expect(event.value.status)) : undefined;
     // A draining server has not taken the update; the next server will.
+    this.misses = 0;
     if (sent === undefined || (this.memory !== undefined && isLost(error))) return;
+    if (sent.givenUp) {
+      if (isInvalid(error)) this.settle(sequence, error);
+      return;
+    }
     if (sent.waiting === undefined) {
       // Older servers solve a first part as an update; this solution is ignored.
       if (error === undefined) return;
@@ -331,20 +385,22 @@ export class Session implements AsyncDisposable {
     }
   }
 
-  // Treats a superseded update as a first part of the next one, which includes its data and has no result yet.
+  // Treats an update without a result as a first part of the next one, which includes its data. A later result is
+  // discarded.
   private leaveToNext(sequence: number, message: SessionUpdate): void {
+    const part = { ...message, prepare: true, deadlineS: 0, sensitivity: undefined };
     if (this.memory === undefined) this.sent.delete(sequence);
-    else this.sent.set(sequence, { message: { ...message, prepare: true, deadlineS: 0, sensitivity: undefined } });
+    else this.sent.set(sequence, { message: part, givenUp: true });
   }
 
   // Removes an update with its first parts. The server ignored the data of an invalid one.
   private settle(sequence: number, error: MarbleError | undefined): void {
-    const invalid = error instanceof InvalidProblemError || error instanceof PreconditionError;
+    const refused = isInvalid(error);
     for (const [number, { message, waiting }] of this.sent) {
       if (number > sequence) break;
-      if (number < sequence && (invalid || waiting !== undefined)) continue;
+      if (number < sequence && (refused || waiting !== undefined)) continue;
       this.sent.delete(number);
-      if (!invalid) this.memory?.take(message);
+      if (!refused) this.memory?.take(message);
     }
   }
 
@@ -356,6 +412,10 @@ export class Session implements AsyncDisposable {
     this.restartsSeen = restarts;
     return answer;
   }
+}
+
+function isInvalid(error: MarbleError | undefined): boolean {
+  return error instanceof InvalidProblemError || error instanceof PreconditionError;
 }
 
 function ended(): MarbleError {

@@ -1,5 +1,5 @@
 import { type ChildProcess, execFileSync, spawn } from "node:child_process";
-import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { existsSync, mkdtempSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
 import type { Socket } from "node:net";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
@@ -42,6 +42,14 @@ export class Server {
 
   signal(signal: NodeJS.Signals): void {
     this.process.kill(signal);
+  }
+
+  /** Stops the server; returns when all of its threads have stopped: until then one may still answer. */
+  async stop(): Promise<void> {
+    this.process.kill("SIGSTOP");
+    const tasks = `/proc/${String(this.process.pid)}/task`;
+    const state = (task: string): string => readFileSync(`${tasks}/${task}/stat`, "utf8").split(") ").at(-1)?.[0] ?? "";
+    await eventually(() => readdirSync(tasks).every((task) => state(task) === "T"));
   }
 
   /** Kills the server, like a crash. */
