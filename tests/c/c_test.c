@@ -102,6 +102,7 @@ static void a_fault_names_field_index_value_and_bound(const marble_client* clien
   marble_solution* solution = NULL;
   marble_options* options = NULL;
   marble_call* call = NULL;
+  marble_session* session = NULL;
   marble_error error;
   double value = 0;
   const int32_t diagonal[] = {0, 1, 2}, outside[] = {0, 7}, back[] = {0, 2, 1};
@@ -144,6 +145,10 @@ static void a_fault_names_field_index_value_and_bound(const marble_client* clien
   CHECK(marble_call_set_deadline(call, -1, &error) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_call_set_deadline(call, NAN, &error) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_call_set_reopen(call, -1, &error) == MARBLE_INVALID_ARGUMENT);
+  CHECK(marble_call_set_answer_grace(call, -1, &error) == MARBLE_INVALID_ARGUMENT);
+  CHECK(marble_call_set_answer_grace(call, 1e9, &error) == MARBLE_OK);
+  CHECK(marble_session_open(client, problem, NULL, call, &session, &error) == MARBLE_INVALID_ARGUMENT);
+  CHECK(strcmp(error.field, "answer_grace") == 0 && session == NULL);
   CHECK(marble_call_set_initial_z(call, three, 3, &error) == MARBLE_OK);
   CHECK(marble_solve(client, problem, NULL, call, &solution, &error) == MARBLE_INVALID_ARGUMENT);
   CHECK(strcmp(error.field, "initial_z") == 0);
@@ -489,7 +494,36 @@ static int print_answer(const marble_client* client, const char* path) {
   return 0;
 }
 
-/* Usage: c_test [FILE]    on the server that MARBLE_SERVER names, or in process */
+/* Says when the server is to be stopped and when it is to go on, and waits for a line each time. */
+static int hung(const marble_client* client) {
+  marble_problem* problem = first();
+  marble_call* call = NULL;
+  marble_session* session = NULL;
+  marble_solution* solution = NULL;
+  marble_error error;
+  char line[8];
+  CHECK(marble_call_create(&call, NULL) == MARBLE_OK);
+  CHECK(marble_session_open(client, problem, NULL, call, &session, &error) == MARBLE_OK);
+  CHECK(marble_session_solve(session, &solution, &error) == MARBLE_OK);
+  marble_solution_destroy(solution);
+  puts("stop"), fflush(stdout);
+  CHECK(fgets(line, sizeof line, stdin) != NULL);
+  CHECK(marble_call_set_deadline(call, 0.02, &error) == MARBLE_OK);
+  CHECK(marble_session_solve(session, &solution, &error) == MARBLE_DEADLINE_EXCEEDED && solution == NULL);
+  CHECK(strstr(error.message, "the server did not answer within 0.12 s") != NULL);
+  puts("go on"), fflush(stdout);
+  CHECK(fgets(line, sizeof line, stdin) != NULL);
+  CHECK(marble_call_set_deadline(call, 60, &error) == MARBLE_OK);
+  CHECK(marble_session_solve(session, &solution, &error) == MARBLE_OK);
+  check_answer(solution, -4);
+  marble_solution_destroy(solution);
+  marble_session_destroy(session);
+  marble_call_destroy(call);
+  marble_problem_destroy(problem);
+  return failures != 0;
+}
+
+/* Usage: c_test [FILE | --hung]    on the server that MARBLE_SERVER names, or in process */
 int main(int argc, char** argv) {
   marble_client* client = NULL;
   marble_error error;
@@ -498,7 +532,9 @@ int main(int argc, char** argv) {
     fprintf(stderr, "%s\n", error.message);
     return 1;
   }
-  if (argc > 1) {
+  if (argc > 1 && strcmp(argv[1], "--hung") == 0) {
+    status = hung(client);
+  } else if (argc > 1) {
     status = print_answer(client, argv[1]);
   } else {
     CHECK(marble_abi_version() == MARBLE_ABI_VERSION && marble_version()[0] != '\0');

@@ -9,6 +9,7 @@ import os
 import pathlib
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -92,6 +93,20 @@ class CInterface(unittest.TestCase):
             for address in ("local", self.server.address):
                 reported = run(self.program, path, MARBLE_SERVER=address).stdout.split()
                 self.assertEqual([float.fromhex(number).hex() for number in reported], [float(x).hex() for x in expected])
+
+    def test_a_server_that_hangs_is_waited_for_until_the_deadline(self):
+        server = Server(BUILD / "bin")
+        self.addCleanup(server.stop)
+        with subprocess.Popen([self.program, "--hung"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+                              env={**os.environ, "MARBLE_SERVER": server.address}) as program:
+            for line, number in (("stop\n", signal.SIGSTOP), ("go on\n", signal.SIGCONT)):
+                self.assertEqual(program.stdout.readline(), line)
+                server.process.send_signal(number)
+                if number == signal.SIGSTOP:
+                    os.waitid(os.P_PID, server.process.pid, os.WSTOPPED | os.WNOWAIT)
+                program.stdin.write("\n")
+                program.stdin.flush()
+            self.assertEqual(program.wait(60), 0)
 
     def test_a_named_server_that_is_away_is_an_error_and_no_local_solve(self):
         done = run(self.program, self.server.tiny(), MARBLE_SERVER="127.0.0.1:1")

@@ -111,6 +111,24 @@ TEST_F(LoopCommands, CtrlCEndsMpc) {
   EXPECT_TRUE(eventually([&] { return marble("info --output json").lines().at(0)["sessions"] == 0; }));
 }
 
+TEST_F(LoopCommands, MpcFollowsItsLastPlanWhileTheServerHangs) {
+  const Run mpc =
+      start("mpc hopper --steps 4 --control-steps 100000 --deadline 0.05 --output json --server " +
+            server_.address());
+  const auto has = [&](const std::string& text, std::size_t after) {
+    return read_file(mpc.out).find(text, after) != std::string::npos;
+  };
+  ASSERT_TRUE(eventually([&] { return has("\"step\":20,", 0); }));
+  server_.send(SIGSTOP);
+  EXPECT_TRUE(eventually([&] { return has("the server did not answer within 0.15 s", 0); }));
+  server_.send(SIGCONT);
+  const std::size_t missed = read_file(mpc.out).size();
+  EXPECT_TRUE(eventually([&] { return has("\"status\":\"solved\"", missed); }));
+  mpc.process->send(SIGINT);
+  EXPECT_EQ(mpc.wait().exit_code, 1);
+  EXPECT_EQ(marble("mpc hopper --deadline 0").exit_code, 2);
+}
+
 TEST_F(LoopCommands, InfoReportsLimitsAndCountersOfSessions) {
   ASSERT_EQ(marble("mpc hopper --steps 4 --control-steps 2").exit_code, 0);
   const Json info = marble("info --output json").lines().at(0);

@@ -5,12 +5,14 @@
 #include <sys/wait.h>
 
 #include <filesystem>
+#include <future>
 #include <thread>
 
 #include "marble/client.h"
 #include "marble/convert.h"
 #include "marble/examples.h"
 #include "problems.h"
+#include "support/losing_relay.h"
 #include "support/same_solution.h"
 #include "support/server_process.h"
 #include "support/small_problems.h"
@@ -223,6 +225,21 @@ TEST_F(SessionTest, OneThreadSendsWhileAnotherReads) {
     EXPECT_EQ((*event)->sequence, ++answers);
   }
   sender.join();
+}
+
+// Calls that may be repeated would succeed once the relay passes responses.
+TEST_F(SessionTest, AStreamWhoseFirstMessageWasReadIsNotRepeated) {
+  const OwnedProblem large = examples::hopper({.steps = 60});
+  LosingRelay relay(server_.address());
+  const Client far = Client::connect(relay.address()).value();
+  auto opened = std::async(std::launch::async, [&] { return far.open_session(large.view()); });
+  EXPECT_TRUE(eventually([&] { return client_->info()->sessions_opened == 1; }));
+  relay.cut();
+  const auto session = opened.get();
+  ASSERT_FALSE(session.has_value());
+  EXPECT_EQ(session.error().code, ErrorCode::unavailable);
+  EXPECT_TRUE(far.info().has_value());
+  EXPECT_EQ(client_->info()->sessions_opened, 1);
 }
 
 TEST_F(SessionTest, AnUpdatesDeadlineIsItsAlone) {

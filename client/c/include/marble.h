@@ -156,6 +156,10 @@ int32_t marble_call_set_deadline(marble_call* call, double seconds, marble_error
  * the deadline. It starts from the last z, and its solution has the number "reopened". 0, the default: the
  * session ends. */
 int32_t marble_call_set_reopen(marble_call* call, double seconds, marble_error* error);
+/* Sets how long the solves of sessions opened with this call wait for an answer after their deadline, in
+ * [0, 3600] s; default 0.1: the way of an answer, which the server sends before the deadline. Then the solve
+ * returns MARBLE_DEADLINE_EXCEEDED; the session continues, and discards the answer if it comes later. */
+int32_t marble_call_set_answer_grace(marble_call* call, double seconds, marble_error* error);
 /* Sets the priority on a busy server: "by_method" (the default), "realtime", "interactive" or "batch". */
 int32_t marble_call_set_priority(marble_call* call, const char* priority, marble_error* error);
 /* Sets the caller's own id for the server's log: at most 128 bytes of printable ASCII, empty for none. A job

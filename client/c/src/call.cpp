@@ -116,6 +116,10 @@ std::int32_t marble_call_set_reopen(marble_call* call, double seconds, marble_er
   return set_seconds(call, &marble_call::reopen_s, seconds, error);
 }
 
+std::int32_t marble_call_set_answer_grace(marble_call* call, double seconds, marble_error* error) {
+  return set_seconds(call, &marble_call::answer_grace_s, seconds, error);
+}
+
 void marble_call_cancel(marble_call* call) {
   if (call != nullptr) call->stop.source().request_stop();
 }

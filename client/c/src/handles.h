@@ -93,6 +93,7 @@ struct marble_call {
   std::optional<marble::Solution> warm_start;
   double deadline_s = std::numeric_limits<double>::infinity();
   double reopen_s = 0.0;
+  double answer_grace_s = marble::SessionOptions().answer_grace.count();
   marble::Priority priority = marble::Priority::by_method;
   std::string request_id;
   marble::OwnedSensitivityRequest derivatives;

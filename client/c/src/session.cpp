@@ -55,6 +55,7 @@ std::int32_t marble_session_open(const marble_client* client, const marble_probl
       over.priority = call->priority;
       over.reopen = call->reopen_s > 0.0;
       over.reopen_wait = std::chrono::duration<double>(call->reopen_s);
+      over.answer_grace = std::chrono::duration<double>(call->answer_grace_s);
     }
     return marble::c::with_client(client, [&](const marble::Client& where) -> Expected<void> {
       auto opened = where.open_session(problem->problem.view(),

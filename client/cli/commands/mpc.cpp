@@ -26,6 +26,7 @@ struct MpcArguments {
   int control_steps = 50;
   int steps = 60;
   std::uint64_t seed = 0;
+  double deadline_s = 0.0;  // none
   bool cold = false;
   bool prepare = false;
   bool local = false;
@@ -123,12 +124,30 @@ void report_summary(const MpcArguments& arguments, const Session& session,
       1e3 * session.setup_s());
 }
 
+// A control step without a plan in time, which follows the last plan.
+void report_missed(const MpcArguments& arguments, int number, const Error& error, double round_trip_ms) {
+  if (arguments.server.json()) {
+    std::cout << line({{"step", number},
+                       {"status", "deadline_exceeded"},
+                       {"detail", error.message()},
+                       {"round_trip_ms", round_trip_ms}})
+              << '\n'
+              << std::flush;
+    return;
+  }
+  std::printf("%5d %-16s %6s %10s %14.3f\n", number, "missed", "", "", round_trip_ms);
+  std::fflush(stdout);
+}
+
 int run_loop(const MpcArguments& arguments, Session& session, examples::HopperParameters parameters,
              OwnedProblem problem) {
   int exit_code = kAllSolved;
   std::vector<ControlStep> steps;
   UpdateControls controls;
   controls.cold = arguments.cold;
+  if (arguments.deadline_s > 0.0) controls.deadline = std::chrono::duration<double>(arguments.deadline_s);
+  const Shift by_stage = Shift::by_stage(problem.view(), arguments.steps).value();
+  std::vector<double> plan;
   ProblemUpdate update;
   OwnedProblem next;
   for (int number = 0; number <= arguments.control_steps; ++number) {
@@ -139,21 +158,28 @@ int run_loop(const MpcArguments& arguments, Session& session, examples::HopperPa
     const auto begin = std::chrono::steady_clock::now();
     auto answer = session.solve(update, of_step);
     const std::chrono::duration<double, std::milli> round_trip = std::chrono::steady_clock::now() - begin;
-    if (!answer) {
+    const bool missed = !answer && answer.error().code == ErrorCode::deadline_exceeded && !plan.empty();
+    if (!answer && !missed) {
       report_summary(arguments, session, steps);
       const int outcome = exit_code_of(answer.error());
       static_cast<void>(fails(arguments, answer.error()));
       return worse(exit_code, outcome);
     }
-    steps.push_back({std::move(*answer), round_trip.count()});
-    const RemoteSolution& plan = steps.back().answer;
-    report_step(arguments, number, steps.back());
-    if (!is_solved(plan.status)) exit_code = kNotSolved;
-    parameters = examples::advance(parameters, plan.z);
+    if (missed) {
+      report_missed(arguments, number, answer.error(), round_trip.count());
+      shift(by_stage.variables, plan);
+      exit_code = kNotSolved;
+    } else {
+      steps.push_back({std::move(*answer), round_trip.count()});
+      report_step(arguments, number, steps.back());
+      if (!is_solved(steps.back().answer.status)) exit_code = kNotSolved;
+      plan = steps.back().answer.z;
+    }
+    parameters = examples::advance(parameters, plan);
     next = examples::hopper(parameters);
     update = difference(problem, next);
     std::swap(problem, next);  // moves no array: the update still views the newer one
-    if (!arguments.cold) controls.shift = Shift::by_stage(problem.view(), arguments.steps).value();
+    if (!arguments.cold) controls.shift = by_stage;
   }
   report_summary(arguments, session, steps);
   return exit_code;
@@ -206,6 +232,12 @@ void add_mpc(CLI::App& program, int& exit_code) {
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "seed of the problem's variation; 0 is the nominal problem")
       ->capture_default_str();
+  command
+      ->add_option(
+          "--deadline", arguments->deadline_s,
+          "latest useful time of a plan, in seconds; a control step without a plan in time follows the "
+          "last one; default: none")
+      ->check(CLI::Range(1e-6, 3600.0));
   command->add_flag("--cold", arguments->cold, "start every step cold, for comparison");
   command
       ->add_flag("--prepare", arguments->prepare,

@@ -68,6 +68,8 @@ Expected<void> Client::solve_batch(std::span<const BatchProblem> problems, const
 Expected<Session> Client::open_session(const ProblemView& problem, const Options& options,
                                        const SessionOptions& session) const {
   return or_out_of_memory([&]() -> Expected<Session> {
+    if (const double grace_s = session.answer_grace.count(); !(grace_s >= 0.0 && grace_s <= 3600.0))
+      return unexpected(invalid("answer_grace", std::to_string(grace_s), "must be in [0, 3600] seconds"));
     auto state = transport_->open_session(problem, options, session);
     if (!state) return unexpected(state.error());
     return Session(std::move(*state));

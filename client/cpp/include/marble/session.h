@@ -46,6 +46,9 @@ struct SessionOptions {
   /// error unavailable, and the next solve() tries again. A server that systemd restarts after a crash is
   /// back after five seconds.
   std::chrono::duration<double> reopen_wait = std::chrono::seconds(10);
+  /// How long solve() waits for an answer after its update's deadline, in [0, 3600] s: the way of an answer,
+  /// which the server sends before the deadline. No effect in process.
+  std::chrono::duration<double> answer_grace = std::chrono::milliseconds(100);
 };
 
 /// Options of one update; all of them optional.
@@ -58,7 +61,10 @@ struct UpdateControls {
   const SensitivityRequest* sensitivity = nullptr;
   /// The latest useful time of the solution, counted from the update's arrival. A running solve ends in time:
   /// its status is time_limit, with its best point or the solution before it (`Solution::origin`), and the
-  /// next solve continues from there. A solve that has not started is dropped: `deadline_exceeded`.
+  /// next solve continues from there. A solve that has not started is dropped: `deadline_exceeded`. The same
+  /// error is returned SessionOptions::answer_grace after the deadline if the server is silent, as one that
+  /// hangs; a later answer is discarded. After 20 such updates in a row the server counts as lost. The
+  /// numbers of a dropped update and its shift take effect with the next one.
   std::optional<std::chrono::duration<double>> deadline = {};
   /// Called within next() or solve(), if the session was opened with progress; must live until the update's
   /// outcome.
@@ -102,8 +108,9 @@ class Session {
   /// the numbers with shift, options and start, and factorizes for the branch on which the solve will begin.
   /// A first part has no result of its own; if the server rejects it, the following solve() returns the
   /// error, or next() does. An older server solves it, which takes the time of a solve; the second part then
-  /// starts from that solution. Errors: invalid_argument, as solve(); if the server is lost, unavailable,
-  /// which ends the session; with `reopen` no error yet.
+  /// starts from that solution. It never waits for the server. Errors: invalid_argument, as solve(); if the
+  /// server is lost, unavailable, from here or from the following solve(), which ends the session; with
+  /// `reopen` no error yet.
   [[nodiscard]] Expected<std::int64_t> prepare(const ProblemUpdate& update,
                                                const UpdateControls& controls = {});
 
@@ -117,8 +124,8 @@ class Session {
   /// outcome. An error ends the session.
   [[nodiscard]] Expected<std::optional<SessionEvent>> next();
 
-  /// Ends the session once every update has its outcome, and waits for that. next() still returns outcomes
-  /// that were not fetched.
+  /// Ends the session once every update has its outcome, and waits for that, but not for a server that left
+  /// the last update without an answer. next() still returns outcomes that were not fetched.
   Expected<void> close();
 
   /// True if updates may still be sent.

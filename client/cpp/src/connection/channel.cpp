@@ -24,7 +24,8 @@ int milliseconds(std::chrono::duration<double> time) {
 // Returns gRPC's service config as JSON. Calls that get UNAVAILABLE before any response are retried at most
 // three times if a repetition has the same effect: solves are pure, reads change nothing, a submission is
 // one job by its request id. Not retried: Delete, Cancel, sessions and batches, whose first message may have
-// been processed. With `several` servers, calls rotate over those that report to be healthy.
+// been processed; gRPC repeats them only if no server has seen the call. With `several` servers, calls rotate
+// over those that report to be healthy.
 std::string service_config(bool several) {
   nlohmann::json names = nlohmann::json::array();
   const auto add = [&](const char* service, std::initializer_list<const char*> methods) {

@@ -1,5 +1,7 @@
 // Provides a session on its stream, and on the next one if its server died and it may be reopened.
+#include <algorithm>
 #include <atomic>
+#include <cstdio>
 #include <deque>
 #include <functional>
 #include <map>
@@ -14,19 +16,28 @@
 #include "message/session_request.h"
 #include "message/status.h"
 #include "mutex.h"
+#include "remote/session_wire.h"
 #include "session_state.h"
 
 namespace marble::client {
 namespace {
 
-using Stream = grpc::ClientReaderWriter<v1::SessionRequest, v1::SessionResponse>;
-
-using std::chrono::steady_clock;
+using Clock = SessionWire::Clock;
 using Seconds = std::chrono::duration<double>;
 
 // Pauses between tries to reopen, each twice as long as the one before. The first try finds a server that is
 // up.
 constexpr Seconds kFirstBackoff(0.1), kLongestBackoff(1.0);
+constexpr Seconds kLongestWait(1e8);  // the range of the clock is limited
+// Updates in a row that a server may leave unanswered beyond their deadlines.
+constexpr int kMostMisses = 20;
+
+[[nodiscard]] Error not_answered(const UpdateControls& controls, Seconds grace) {
+  char text[128];
+  std::snprintf(text, sizeof text, "the server did not answer within %g s, %g s after the deadline",
+                (*controls.deadline + grace).count(), grace.count());
+  return failure(ErrorCode::deadline_exceeded, text);
+}
 
 // Two locks, because one thread may write a stream while another one reads. A thread whose write failed also
 // takes `reading`, and reads on to learn the reason.
@@ -38,19 +49,24 @@ struct SessionStream {
         stop(std::move(given_up)),
         sequence(sent_before) {}
 
-  ~SessionStream();
-
-  [[nodiscard]] Expected<void> set_up(const v1::SessionRequest& request);
+  [[nodiscard]] Expected<void> begin(v1::SessionRequest setup);
+  // Returns false if `end` comes before the session is set up; the next call waits further.
+  [[nodiscard]] Expected<bool> await_ready(Clock::time_point end);
   [[nodiscard]] Expected<std::int64_t> send(const ProblemUpdate& update, const UpdateControls& controls,
                                             bool first_part = false) ABSL_EXCLUSIVE_LOCKS_REQUIRED(writing);
-  [[nodiscard]] std::optional<SessionEvent> read() ABSL_EXCLUSIVE_LOCKS_REQUIRED(reading);
+  [[nodiscard]] Expected<void> wait_sent() ABSL_EXCLUSIVE_LOCKS_REQUIRED(writing);
+  // Returns nothing at the end of the stream, or if `end` comes before: then `over` is not set.
+  [[nodiscard]] std::optional<SessionEvent> read(Clock::time_point end = SessionWire::kForever)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(reading);
   [[nodiscard]] std::optional<SessionEvent> event_of(const v1::SessionResponse& response);
-  [[nodiscard]] Expected<RemoteSolution> solve(const ProblemUpdate& update, const UpdateControls& controls);
+  [[nodiscard]] Expected<RemoteSolution> solve(const ProblemUpdate& update, const UpdateControls& controls,
+                                               Clock::time_point end, Seconds grace);
   [[nodiscard]] Expected<RemoteSolution> outcome_of(SessionEvent event, const ProblemUpdate& update,
                                                     const UpdateControls& controls);
   [[nodiscard]] Error reason() const { return status.ok() ? session_ended() : to_error(status, stop); }
   [[nodiscard]] bool is_first_part(std::int64_t number);
   void read_to_the_end() ABSL_EXCLUSIVE_LOCKS_REQUIRED(reading);
+  void miss(std::int64_t number) ABSL_EXCLUSIVE_LOCKS_REQUIRED(reading);
   void report(const v1::SessionProgress& progress);
 
   const std::shared_ptr<const Connection> connection;  // the stream's, as long as it exists
@@ -58,7 +74,7 @@ struct SessionStream {
   const std::stop_token stop;
   std::shared_ptr<v1::Solver::Stub> solver;
   grpc::ClientContext context;
-  std::unique_ptr<Stream> stream;
+  std::optional<SessionWire> wire;
   std::optional<std::stop_callback<std::function<void()>>> cancel_on_stop;
   v1::SessionReady ready;
   std::int64_t epoch = 0;
@@ -72,44 +88,47 @@ struct SessionStream {
   Mutex reading;
   std::deque<SessionEvent> unfetched ABSL_GUARDED_BY(reading);
   std::optional<SessionEvent> refused_part ABSL_GUARDED_BY(reading);  // a rejected first part, with its error
+  std::set<std::int64_t> discarded ABSL_GUARDED_BY(reading);          // updates whose outcomes are discarded
+  std::atomic<int> misses = 0;                                        // in a row; without any answer
   grpc::Status status;
   std::atomic<bool> over = false;  // set after `status`, which then does not change
 
   Mutex sinks_access;
   std::map<std::int64_t, ProgressSink*> sinks ABSL_GUARDED_BY(sinks_access);
   std::set<std::int64_t> first_parts ABSL_GUARDED_BY(sinks_access);  // sent since the last outcome
+  std::set<std::int64_t> awaited ABSL_GUARDED_BY(sinks_access);      // others without an outcome
 };
 
-SessionStream::~SessionStream() {
-  if (over || stream == nullptr) return;
-  context.TryCancel();
-  static_cast<void>(stream->Finish());
-}
-
-Expected<void> SessionStream::set_up(const v1::SessionRequest& request) {
+Expected<void> SessionStream::begin(v1::SessionRequest setup) {
   if (auto prepared = connection->prepare(context, parent, std::nullopt); !prepared) {
     over = true;
     return prepared;
   }
   cancel_on_stop.emplace(stop, [this] { context.TryCancel(); });
-  epoch = request.setup().epoch();
+  epoch = setup.setup().epoch();
   auto free = connection->solver_for_stream();
   if (!free) {
     over = true;
     return unexpected(free.error());
   }
   solver = *std::move(free);
-  stream = solver->Session(&context);
-  stream->Write(request);  // a failed write makes the read fail too
+  wire.emplace(*solver, context);
+  wire->write(std::move(setup));  // a failed write makes the read fail too
+  return {};
+}
+
+Expected<bool> SessionStream::await_ready(Clock::time_point end) {
   v1::SessionResponse response;
-  if (stream->Read(&response) && response.has_ready()) {
+  const SessionWire::Outcome read = wire->read(&response, end);
+  if (read == SessionWire::Outcome::late) return false;
+  if (read == SessionWire::Outcome::done && response.has_ready()) {
     ready = response.ready();
     connection->note_reached();
     traceparent = returned_traceparent(context);
-    return {};
+    return true;
   }
   if (response.event_case() != v1::SessionResponse::EVENT_NOT_SET) context.TryCancel();
-  status = stream->Finish();
+  status = wire->finish();
   over = true;
   return unexpected(reason());
 }
@@ -118,29 +137,35 @@ Expected<std::int64_t> SessionStream::send(const ProblemUpdate& update, const Up
                                            bool first_part) {
   if (over) return unexpected(reason());
   if (writes_done) return unexpected(session_ended());
-  const auto request = make_update(epoch, sequence + 1, update, controls, first_part);
+  auto request = make_update(epoch, sequence + 1, update, controls, first_part);
   if (!request) return unexpected(request.error());
   ++sequence;
   {
     const MutexLock lock(sinks_access);
-    if (first_part) first_parts.insert(sequence);
+    (first_part ? first_parts : awaited).insert(sequence);
     if (controls.progress != nullptr && !first_part) sinks[sequence] = controls.progress;
   }
-  if (stream->Write(*request)) return sequence;
+  wire->write(*std::move(request));
+  return sequence;
+}
+
+Expected<void> SessionStream::wait_sent() {
+  if (wire->wait_written()) return {};
   writes_done = true;
   const MutexLock lock(reading);
   read_to_the_end();
   return unexpected(reason());
 }
 
-Expected<RemoteSolution> SessionStream::solve(const ProblemUpdate& update, const UpdateControls& controls) {
+Expected<RemoteSolution> SessionStream::solve(const ProblemUpdate& update, const UpdateControls& controls,
+                                              Clock::time_point end, Seconds grace) {
   const auto sent = [&] {
     const MutexLock lock(writing);
     return send(update, controls);
   }();
   if (!sent) return unexpected(sent.error());
   const MutexLock lock(reading);
-  while (auto event = read()) {
+  while (auto event = read(end)) {
     const bool own = event->sequence == *sent;
     if (own && refused_part) {
       Error error = std::get<Error>(std::exchange(refused_part, std::nullopt)->outcome);
@@ -150,16 +175,35 @@ Expected<RemoteSolution> SessionStream::solve(const ProblemUpdate& update, const
     if (refused_part && event->sequence == refused_part->sequence) continue;
     unfetched.push_back(std::move(*event));
   }
-  return unexpected(reason());
+  if (over) return unexpected(reason());
+  miss(*sent);
+  return unexpected(not_answered(controls, grace));
+}
+
+void SessionStream::miss(std::int64_t number) {
+  discarded.insert(number);
+  {
+    const MutexLock lock(sinks_access);
+    sinks.erase(number);
+    awaited.erase(number);
+    if (!awaited.empty()) return;  // a server that solves an earlier update need not hang
+  }
+  if (++misses < kMostMisses) return;
+  context.TryCancel();
+  static_cast<void>(wire->finish());
+  status = {grpc::StatusCode::UNAVAILABLE,
+            "the server left " + std::to_string(kMostMisses) + " updates in a row without an answer"};
+  over = true;
 }
 
 Expected<RemoteSolution> SessionStream::outcome_of(SessionEvent event, const ProblemUpdate& update,
                                                    const UpdateControls& controls) {
   auto* answer = std::get_if<RemoteSolution>(&event.outcome);
   auto* error = std::get_if<Error>(&event.outcome);
-  // A rejected update has changed nothing; one that came too late has.
+  // A rejected update has changed nothing. RemoteSession takes one that came too late.
   const bool refused = error != nullptr &&
-                       (error->code == ErrorCode::invalid_argument || error->code == ErrorCode::unavailable);
+                       (error->code == ErrorCode::invalid_argument ||
+                        error->code == ErrorCode::deadline_exceeded || error->code == ErrorCode::unavailable);
   if (memory != nullptr && !refused) memory->take(update, controls);
   if (memory != nullptr && answer != nullptr && is_solved(answer->status)) memory->take(answer->z);
   if (answer != nullptr) return std::move(*answer);
@@ -167,18 +211,26 @@ Expected<RemoteSolution> SessionStream::outcome_of(SessionEvent event, const Pro
   return unexpected(failure(ErrorCode::cancelled, "a newer update took its place"));
 }
 
-std::optional<SessionEvent> SessionStream::read() {
+std::optional<SessionEvent> SessionStream::read(Clock::time_point end) {
   v1::SessionResponse response;
-  while (!over && stream->Read(&response)) {
+  while (!over) {
+    const SessionWire::Outcome read = wire->read(&response, end);
+    if (read == SessionWire::Outcome::late) return std::nullopt;
+    if (read == SessionWire::Outcome::over) break;
     if (response.has_progress()) report(response.progress());
     if (auto event = event_of(response)) {
+      misses = 0;
+      if (discarded.erase(event->sequence) != 0) {
+        refused_part.reset();
+        continue;
+      }
       if (!is_first_part(event->sequence)) return event;
       if (!std::holds_alternative<Error>(event->outcome)) continue;  // from an older server, which solved it
       refused_part = *event;
       return event;
     }
   }
-  if (!over) status = stream->Finish();
+  if (!over) status = wire->finish();
   over = true;
   return std::nullopt;
 }
@@ -210,6 +262,7 @@ std::optional<SessionEvent> SessionStream::event_of(const v1::SessionResponse& r
   if (event) {
     const MutexLock lock(sinks_access);
     sinks.erase(event->sequence);
+    awaited.erase(event->sequence);
   }
   return event;
 }
@@ -226,8 +279,8 @@ void SessionStream::report(const v1::SessionProgress& progress) {
 
 class RemoteSession final : public Session::State {
  public:
-  RemoteSession(std::unique_ptr<SessionStream> stream, const PartSizes& sizes, Seconds wait)
-      : sizes_(sizes), wait_(wait) {
+  RemoteSession(std::unique_ptr<SessionStream> stream, const PartSizes& sizes, Seconds wait, Seconds grace)
+      : sizes_(sizes), wait_(wait), grace_(grace) {
     take(std::move(stream));
   }
 
@@ -240,11 +293,19 @@ class RemoteSession final : public Session::State {
 
  private:
   void take(std::unique_ptr<SessionStream> stream);
-  [[nodiscard]] Expected<void> reopen(const UpdateControls& next);
+  [[nodiscard]] Expected<void> reopen(const UpdateControls& next, Clock::time_point end);
+  [[nodiscard]] Expected<void> check(const ProblemUpdate& update, const UpdateControls& controls) const {
+    const auto valid =
+        CheckedUpdate::check(sizes_, update, {controls.initial_z, controls.cold, controls.shift});
+    if (!valid) return unexpected(valid.error());
+    return {};
+  }
 
-  std::unique_ptr<SessionStream> stream_;
+  std::unique_ptr<SessionStream> stream_, opening_;  // the second is not set up yet
+  Clock::time_point opening_since_;
   PartSizes sizes_;
-  Seconds wait_;  // for a reopen
+  Seconds wait_;   // for a reopen
+  Seconds grace_;  // after a deadline, for the answer's way
 };
 
 void RemoteSession::take(std::unique_ptr<SessionStream> stream) {
@@ -259,9 +320,7 @@ void RemoteSession::take(std::unique_ptr<SessionStream> stream) {
 
 // Checked here: no one waits to receive the server's error.
 Expected<std::int64_t> RemoteSession::prepare(const ProblemUpdate& update, const UpdateControls& controls) {
-  const auto valid =
-      CheckedUpdate::check(sizes_, update, {controls.initial_z, controls.cold, controls.shift});
-  if (!valid) return unexpected(valid.error());
+  if (auto valid = check(update, controls); !valid) return unexpected(valid.error());
   const MutexLock lock(stream_->writing);
   auto sent = stream_->send(update, controls, true);
   if (stream_->memory == nullptr) return sent;
@@ -275,7 +334,10 @@ Expected<std::int64_t> RemoteSession::send(const ProblemUpdate& update, const Up
   if (stream_->memory != nullptr)
     return unexpected(failure(ErrorCode::failed_precondition, "reopen", "leaves only solve()"));
   const MutexLock lock(stream_->writing);
-  return stream_->send(update, controls);
+  auto sent = stream_->send(update, controls);
+  if (!sent) return sent;
+  if (auto left = stream_->wait_sent(); !left) return unexpected(left.error());
+  return sent;
 }
 
 Expected<std::optional<SessionEvent>> RemoteSession::next() {
@@ -293,44 +355,73 @@ Expected<std::optional<SessionEvent>> RemoteSession::next() {
 }
 
 Expected<RemoteSolution> RemoteSession::solve(const ProblemUpdate& update, const UpdateControls& controls) {
-  auto answer = stream_->solve(update, controls);
+  const Seconds longest =
+      controls.deadline ? std::max(*controls.deadline, Seconds(0.0)) + grace_ : kLongestWait;
+  const auto end = longest < kLongestWait
+                       ? Clock::now() + std::chrono::duration_cast<Clock::duration>(longest)
+                       : SessionWire::kForever;
+  auto answer = stream_->solve(update, controls, end, grace_);
   const auto lost = [&] {
     return stream_->memory != nullptr && !answer && answer.error().code == ErrorCode::unavailable;
   };
-  const auto begin = steady_clock::now();
+  const auto begin = Clock::now();
   const Seconds most = controls.deadline ? std::min(wait_, *controls.deadline) : wait_;
   for (Seconds backoff = kFirstBackoff; lost(); backoff = std::min(2.0 * backoff, kLongestBackoff)) {
-    if (auto again = reopen(controls); !again) {
+    if (auto again = reopen(controls, end); !again) {
       answer = unexpected(again.error());
-    } else if (answer = stream_->solve(update, controls); answer) {
+    } else if (answer = stream_->solve(update, controls, end, grace_); answer) {
       answer->reopened = true;
     }
-    const Seconds left = most - (steady_clock::now() - begin);
+    const Seconds left = most - (Clock::now() - begin);
     if (!lost() || left <= Seconds(0.0)) break;
     static_cast<void>(stream_->connection->pause(std::min(backoff, left), stream_->stop));
   }
+  // The numbers of an update that came too late are kept, and so is its shift.
+  if (stream_->memory != nullptr && !answer && answer.error().code == ErrorCode::deadline_exceeded &&
+      check(update, controls))
+    stream_->memory->take_first_part(update, controls);
   return answer;
 }
 
-Expected<void> RemoteSession::reopen(const UpdateControls& next) {
-  std::int64_t sent = 0;
-  {
-    const MutexLock lock(stream_->writing);
-    sent = stream_->sequence;
+Expected<void> RemoteSession::reopen(const UpdateControls& next, Clock::time_point end) {
+  // One that takes much longer than the last server counts as one that hangs.
+  if (opening_ != nullptr && Clock::now() - opening_since_ > Seconds(1.0 + 10.0 * setup_s)) opening_.reset();
+  if (opening_ == nullptr) {
+    std::int64_t sent = 0;
+    {
+      const MutexLock lock(stream_->writing);
+      sent = stream_->sequence;
+    }
+    stream_->memory->count_epoch();
+    opening_since_ = Clock::now();
+    opening_ = std::make_unique<SessionStream>(stream_->connection, stream_->parent, stream_->stop, sent);
+    if (auto begun = opening_->begin(stream_->memory->setup(next)); !begun) {
+      opening_.reset();
+      return begun;
+    }
   }
-  stream_->memory->count_epoch();
-  auto stream = std::make_unique<SessionStream>(stream_->connection, stream_->parent, stream_->stop, sent);
-  if (auto made = stream->set_up(stream_->memory->setup(next)); !made) return made;
-  stream->memory = std::move(stream_->memory);
-  take(std::move(stream));
+  const auto made = opening_->await_ready(end);
+  if (made && !*made)
+    return unexpected(
+        failure(ErrorCode::unavailable, "the session was not opened again before the deadline"));
+  auto opened = std::move(opening_);
+  if (!made) return unexpected(made.error());
+  opened->memory = std::move(stream_->memory);
+  take(std::move(opened));
   return {};
 }
 
 Expected<void> RemoteSession::close() {
   SessionStream& s = *stream_;
+  if (s.misses > 0) {  // the server may hang
+    s.context.TryCancel();
+    const MutexLock lock(s.reading);
+    s.read_to_the_end();
+    return {};
+  }
   {
     const MutexLock lock(s.writing);
-    if (!s.writes_done) s.stream->WritesDone();
+    if (!s.writes_done) s.wire->writes_done();
     s.writes_done = true;
   }
   const MutexLock lock(s.reading);
@@ -348,13 +439,15 @@ Expected<std::unique_ptr<Session::State>> open_remote_session(std::shared_ptr<co
   auto request = make_setup(problem, options, session);
   if (!request) return unexpected(request.error());
   auto stream = std::make_unique<SessionStream>(std::move(connection), session.traceparent, session.stop, 0);
-  if (auto made = stream->set_up(*request); !made) return unexpected(made.error());
+  if (auto begun = stream->begin(session.reopen ? *request : std::move(*request)); !begun)
+    return unexpected(begun.error());
+  if (auto made = stream->await_ready(SessionWire::kForever); !made) return unexpected(made.error());
   if (session.reopen) stream->memory = std::make_unique<SessionMemory>(std::move(*request));
   PartSizes sizes;
 #define MARBLE_VECTOR(letter, field) sizes.letter = problem.letter.size();
 #define MARBLE_MATRIX(letter, field, update, vector) sizes.letter = problem.letter.values.size();
 #include "marble/contract.def"
-  return std::make_unique<RemoteSession>(std::move(stream), sizes, session.reopen_wait);
+  return std::make_unique<RemoteSession>(std::move(stream), sizes, session.reopen_wait, session.answer_grace);
 }
 
 }  // namespace marble::client
