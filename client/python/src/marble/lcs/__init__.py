@@ -3,6 +3,7 @@
     x₊ = A x + B u + D λ + d,   0 ≤ λ ⊥ E x + F λ + H u + c ≥ 0
 """
 
+from marble.lcs.c3 import C3Options, c3_options
 from marble.lcs.controller import Controller, ControlStep, StateLinearizer
 from marble.lcs.dispatch import linearize, linearizer
 from marble.lcs.linearization import ContactPair, Linearization
@@ -11,5 +12,6 @@ from marble.lcs.statistics import ControlStatistics
 from marble.lcs.system import LCS
 from marble.lcs.task import Task
 
-__all__ = ["ContactPair", "ControlStatistics", "ControlStep", "Controller", "LCS", "Linearization", "Plan",
-           "PlanOrigin", "PlanTimes", "Planner", "StateLinearizer", "Task", "linearize", "linearizer", "rollout"]
+__all__ = ["C3Options", "ContactPair", "ControlStatistics", "ControlStep", "Controller", "LCS", "Linearization", "Plan",
+           "PlanOrigin", "PlanTimes", "Planner", "StateLinearizer", "Task", "c3_options", "linearize", "linearizer",
+           "rollout"]
