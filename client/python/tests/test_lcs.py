@@ -280,7 +280,7 @@ def test_a_bad_step_is_named_and_changes_nothing():
         for changes, words in [({"x0": START[:2]}, "x0 is 2 entries"), ({"x0": [0, 0, np.inf, 0]}, r"x0\[2\] is inf"),
                                ({"x_ref": np.zeros((5, 4))}, "x_ref is of shape"),
                                ({"u": np.zeros(5)}, "u is of shape"),
-                               ({"last_u": [1, 2]}, "last_u is 2 entries"), ({"shift": 7}, "shift is 6"),
+                               ({"last_u": [1, 2]}, "last_u is 2 entries"), ({"shift": 7}, "shift is 7"),
                                ({"shift": 1.5}, "whole number"), ({"lcs": cart_pole(d=np.zeros((3, 4)))}, "lcs.stages"),
                                ({"lcs": LCS([[1]], [[1]], [[1]], [1], [[1]], [[1]], [[1]], [1])}, "lcs.states is 1")]:
             with pytest.raises(InvalidArgument, match=words):

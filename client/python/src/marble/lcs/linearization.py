@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from marble.base.checks import is_number
+from marble.base.checks import is_number, is_whole
 from marble.errors import InvalidArgument
 from marble.lcs.system import LCS
 from marble.lcs.time_stepping import (
@@ -25,6 +25,7 @@ from marble.model.lcqp import vector
 
 Array = NDArray[np.float64]
 
+MAX_DIRECTIONS: Final = 998
 DEFAULT_MAX_GAP: Final = 0.1
 """m."""
 _SAME: Final = 1e-9  # of two rows, relative
@@ -113,11 +114,11 @@ class Settings:
     def of(cls, dt: Any, contact: Any, num_directions: Any, max_gap: Any, stiffness: Any,
            joint_limits: Any) -> Settings:
         """Raises InvalidArgument with the name of the option."""
-        if contact not in CONTACT_MODELS:
+        if not isinstance(contact, str) or contact not in CONTACT_MODELS:
             raise InvalidArgument("contact", f"must be one of {', '.join(CONTACT_MODELS)}", value=repr(contact))
-        directions = num_directions if is_number(num_directions) else math.nan
-        if directions not in range(2, 1000, 2):
-            raise InvalidArgument("num_directions", "must be 2 (planar) or an even number", value=num_directions)
+        if not is_whole(num_directions, 2, MAX_DIRECTIONS) or num_directions % 2:
+            raise InvalidArgument("num_directions", f"must be 2 (planar) or an even number of at most {MAX_DIRECTIONS}",
+                                  value=num_directions)
         gap = max_gap if is_number(max_gap) else math.nan
         if not gap >= 0:
             raise InvalidArgument("max_gap", "must be ≥ 0 m", value=max_gap)
@@ -125,7 +126,9 @@ class Settings:
             raise InvalidArgument("stiffness", 'is required by contact="soft": N/m')
         if stiffness is not None:
             positive(stiffness, "stiffness", "N/m")
-        return cls(positive(dt, "dt", "s"), contact, int(directions), float(gap),
+        if not isinstance(joint_limits, bool | np.bool_):
+            raise InvalidArgument("joint_limits", "must be True or False", value=repr(joint_limits))
+        return cls(positive(dt, "dt", "s"), contact, int(num_directions), float(gap),
                    float(stiffness) if stiffness is not None else math.inf, bool(joint_limits))
 
     def chosen(self, pairs: Sequence[ContactPair], at: Sequence[Candidate]) -> list[int]:
@@ -207,12 +210,12 @@ def _given_pairs(pairs: Any, shape_of: Callable[[Any, int], Any],
 
     shape_of: identifies a shape by what the caller gave, in the pair of that index, or raises InvalidArgument.
     """
-    if isinstance(pairs, str) or not isinstance(pairs, Iterable):
+    if isinstance(pairs, str | bytes) or not isinstance(pairs, Sequence):
         raise InvalidArgument("pairs", "must be a sequence of (first, second) or (first, second, feature)",
                               value=repr(pairs))
     made: list[ContactPair] = []
     for index, given in enumerate(pairs):
-        if isinstance(given, str) or not isinstance(given, Sequence) or len(given) not in (2, 3):
+        if isinstance(given, str | bytes) or not isinstance(given, Sequence) or len(given) not in (2, 3):
             raise InvalidArgument("pairs", "must be (first, second) or (first, second, feature)", index=index,
                                   value=repr(given))
         first, second = (shape_of(one, index) for one in given[:2])

@@ -323,8 +323,10 @@ def linearize(model: Any, data: Any, *, u: ArrayLike | None = None, **options: A
 
 
 def _check_supported(model: Any, ignore: Sequence[str]) -> None:
+    if isinstance(ignore, str | bytes) or not isinstance(ignore, Sequence):
+        raise InvalidArgument("ignore", f"must be a sequence of {', '.join(_IGNORABLE)}", value=type(ignore).__name__)
     for index, name in enumerate(ignore):
-        if name not in _IGNORABLE:
+        if not isinstance(name, str) or name not in _IGNORABLE:
             raise InvalidArgument("ignore", f"must be of {', '.join(_IGNORABLE)}", index=index, value=repr(name))
     for field, bound in (("nu", "must be ≥ 1: an LCS has inputs"), ("nv", "must be ≥ 1: the model has no joints")):
         if getattr(model, field) == 0:

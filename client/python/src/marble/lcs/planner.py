@@ -12,12 +12,13 @@ import enum
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 import marble
+from marble.base.checks import is_whole
 from marble.base.tables import Status
 from marble.calls.session import Session
 from marble.calls.shift import Shift, ShiftBlock
@@ -81,6 +82,9 @@ class Plan:
     solution: Solution | None
 
 
+MAX_STAGES: Final = 1_000_000
+
+
 def native() -> Any:
     """marble._core; Unavailable where the package was built without it."""
     try:
@@ -97,6 +101,7 @@ def rollout(lcs: LCS, x0: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
     FailedPrecondition with the stage if the method ends in a ray: then it has found no λ, and for many classes of F
     there is none.
     """
+    _check_system(lcs)
     inputs = _shaped(u, "u", (lcs.stages or -1, lcs.nu))
     module = native()
     with core_errors():
@@ -133,10 +138,9 @@ class Planner:
                  u_lb: ArrayLike | None = None, u_ub: ArrayLike | None = None, max_u_change: ArrayLike | None = None,
                  server: str | Sequence[str] | marble.Client | None = None, reopen: bool = True,
                  options: Mapping[str, Any] | None = None, **more_options: Any) -> None:
-        if not isinstance(lcs, LCS):
-            raise InvalidArgument("lcs", "must be a marble.lcs.LCS", value=type(lcs).__name__)
-        if not isinstance(stages, int | np.integer) or stages < 1:
-            raise InvalidArgument("stages", "must be a whole number >= 1", value=repr(stages))
+        _check_system(lcs)
+        if not is_whole(stages, 1, MAX_STAGES):
+            raise InvalidArgument("stages", f"must be a whole number in [1, {MAX_STAGES}]", value=repr(stages))
         self.nx, self.nu, self.nl, self.stages = lcs.nx, lcs.nu, lcs.nl, int(stages)
         self._check_stages(lcs, "stages")
         nx, nu = self.nx, self.nu
@@ -225,15 +229,15 @@ class Planner:
                last_u: ArrayLike | None, u: ArrayLike | None, shift: int,
                prepares: bool) -> tuple[dict[str, Any], Any, Shift | None]:
         if lcs is not None:
+            _check_system(lcs)
             self._check_stages(lcs, "lcs.stages")
-        if not isinstance(shift, int | np.integer):
-            raise InvalidArgument("shift", "must be a whole number of stages", value=repr(shift))
-        shift = max(-1, min(int(shift), self.stages + 1))  # what is outside is refused
+        if not is_whole(shift, 0, self.stages):
+            raise InvalidArgument("shift", f"must be a whole number in [0, {self.stages}]", value=repr(shift))
         targets = self._targets(x_ref, u_ref)
         before = None if last_u is None else vector(last_u, "last_u", self.nu, " (nu)")
         guess = None if u is None else _shaped(u, "u", (self.stages, self.nu))
         with core_errors():
-            changes, start, by = self._planner.begin(lcs, x0, targets["x_ref"], targets["u_ref"], before, guess, shift,
+            changes, start, by = self._planner.begin(lcs, x0, targets["x_ref"], targets["u_ref"], before, guess, int(shift),
                                                      prepares)
         made = {name: value if name == "c0" else np.asarray(value) for name, value in changes.items()}
         for name in ("A", "R"):
@@ -292,6 +296,11 @@ class Planner:
             self._session.__exit__(kind, *rest)
         finally:
             self._close_client()
+
+
+def _check_system(lcs: Any) -> None:
+    if not isinstance(lcs, LCS):
+        raise InvalidArgument("lcs", "must be a marble.lcs.LCS", value=type(lcs).__name__)
 
 
 def _shaped(values: ArrayLike, field: str, shape: tuple[int, ...]) -> Array:

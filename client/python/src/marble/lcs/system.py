@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from marble.base.checks import is_number
+from marble.base.checks import is_number, is_whole
 from marble.errors import Index, InvalidArgument, InvalidProblem
 from marble.model.lcqp import numbers
 
@@ -83,8 +83,8 @@ class LCS:
         """The constant system of stage k, from 0; itself if it is constant. InvalidArgument outside 0 ≤ k < N."""
         if self.stages is None:
             return self
-        if not 0 <= k < self.stages:
-            raise InvalidArgument("k", f"must be in [0, {self.stages})", value=k)
+        if not is_whole(k, 0, self.stages - 1):
+            raise InvalidArgument("k", f"must be in [0, {self.stages})", value=repr(k))
         parts = {field: value[k] if value.ndim > len(FIELDS[field]) else value
                  for field in FIELDS for value in [getattr(self, field)]}
         return LCS(**parts, dt=self.dt, names=self.names)
@@ -128,11 +128,13 @@ def _time(dt: Any) -> float | None:
 
 def _names(names: Mapping[str, Sequence[str]] | None, sizes: Mapping[str, int]) -> Mapping[str, tuple[str, ...]]:
     made: dict[str, tuple[str, ...]] = {}
+    if not isinstance(names, Mapping | None):
+        raise InvalidArgument("names", "must be a mapping", value=type(names).__name__)
     for kind, given in (names or {}).items():
         if kind not in _NAMED:
             raise InvalidArgument("names", f"must have keys of {', '.join(_NAMED)}", value=repr(kind))
         field, size = f"names.{kind}", sizes[_NAMED[kind]]
-        texts = () if isinstance(given, str) else tuple(given)
+        texts = () if isinstance(given, str) or not isinstance(given, Sequence) else tuple(given)
         if len(texts) != size:
             raise InvalidArgument(field, f"must have {size} texts", value=f"{len(texts)} texts")
         for index, text in enumerate(texts):

@@ -10,9 +10,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from marble.base.checks import is_number
+from marble.base.checks import is_number, is_whole
 from marble.errors import InvalidArgument
 from marble.lcs.linearization import Linearization, positive
+from marble.lcs.planner import MAX_STAGES
 from marble.lcs.system import Array, one_each
 from marble.model.lcqp import numbers
 
@@ -71,10 +72,9 @@ class Task:
     def __post_init__(self) -> None:
         positive(self.rate, "rate", "Hz")
         positive(self.dt, "dt", "s")
-        if isinstance(self.stages, bool) or not isinstance(self.stages, int | np.integer) or self.stages < 1:
-            raise InvalidArgument("stages", "must be a whole number >= 1", value=repr(self.stages))
-        if self.shift is not None and (isinstance(self.shift, bool) or not isinstance(self.shift, int | np.integer)
-                                       or not 0 <= self.shift <= self.stages):
+        if not is_whole(self.stages, 1, MAX_STAGES):
+            raise InvalidArgument("stages", f"must be a whole number in [1, {MAX_STAGES}]", value=repr(self.stages))
+        if self.shift is not None and not is_whole(self.shift, 0, self.stages):
             raise InvalidArgument("shift", f"must be None or in [0, {self.stages}] (stages)", value=repr(self.shift))
         if self.deadline is not None and not (is_number(self.deadline) and self.deadline > 0):
             raise InvalidArgument("deadline", "must be > 0 seconds", value=self.deadline)

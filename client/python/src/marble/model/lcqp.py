@@ -31,6 +31,8 @@ def numbers(values: Any, field: str, what: str = "numbers") -> Vector:
         if isinstance(given, np.ma.MaskedArray) and np.any(given.mask):
             raise InvalidProblem(field, "must not have masked entries")
         return np.array(given, dtype=np.float64)
+    except MemoryError:
+        raise InvalidProblem(field, "must fit into memory", value=f"of shape {np.shape(values)}") from None
     except (OverflowError, TypeError, ValueError) as error:
         if isinstance(error, InvalidProblem):
             raise
