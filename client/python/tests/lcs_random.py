@@ -54,7 +54,7 @@ def hostile(random, like=None):
         lambda: kept.astype(object), lambda: with_entry(None, object), lambda: with_entry("1", object),
         lambda: with_entry(10**400, object), lambda: kept.astype(str), lambda: kept.astype("datetime64[s]"),
         lambda: kept[..., None], lambda: kept[None], lambda: kept.ravel()[:-1], lambda: kept.T, lambda: -kept,
-        lambda: np.zeros((0, *shape)), lambda: np.zeros(shape + (0,)), lambda: np.ma.masked_invalid(with_entry(np.nan)),
+        lambda: np.zeros((0, *shape)), lambda: np.zeros((*shape, 0)), lambda: np.ma.masked_invalid(with_entry(np.nan)),
         lambda: np.broadcast_to(1.0, (2**20, 2**20, 2**15)), lambda: np.broadcast_to(1.0, (2**55,)),
         lambda: [[1.0], [1.0, 2.0]], lambda: {"a": 1}, lambda: {1.0, 2.0}, lambda: iter([1.0]), lambda: object(),
         lambda: "text", lambda: b"\0\xff", lambda: "", lambda: [], lambda: (), lambda: True, lambda: np.nan,
@@ -407,9 +407,9 @@ r_vector: [1, 1, 1]
 u_horizontal_limits: [-10, 12]
 publish_frequency: 50
 """
-TOKENS = ("[", "]", "{", "}", ":", "- ", ",", "\n", "&a ", "*a", "<<: ", "!!int ", "!", "'", '"', "|", "? ", "---\n", "\t",
-          "null", ".nan", ".inf", "-.inf", "true", "1e-3", "-1", "0x_", "2001-99-99", "9" * 400, "#", "%", "\x00", "é",
-          "c3_options: ", "\ufeff", "=", "0o9", "1:2:99", " " * 40, "[" * 30, "quaternion_weight: 1\n")
+TOKENS = ("[", "]", "{", "}", ":", "- ", ",", "\n", "&a ", "*a", "<<: ", "!!int ", "!", "'", '"', "|", "? ", "---\n",
+          "\t", "null", ".nan", ".inf", "-.inf", "true", "1e-3", "-1", "0x_", "2001-99-99", "9" * 400, "#", "%", "\x00",
+          "é", "c3_options: ", "\ufeff", "=", "0o9", "1:2:99", " " * 40, "[" * 30, "quaternion_weight: 1\n")
 
 
 def options(random):
@@ -444,7 +444,8 @@ def options(random):
                   quaternions=hostile(random) if random.random() < 0.5 else ())
 
 
-TARGETS: dict[str, Callable] = {one.__name__: one for one in (lcs, roll_out, planner, step, task, threads, settings, options)}
+TARGETS: dict[str, Callable] = {one.__name__: one for one in (
+    lcs, roll_out, planner, step, task, threads, settings, options)}
 WEIGHTS = {"lcs": 5, "roll_out": 3, "planner": 3, "step": 3, "task": 3, "threads": 0.3, "settings": 2, "options": 3,
            "mujoco": 1}
 if importlib.util.find_spec("mujoco") is not None:

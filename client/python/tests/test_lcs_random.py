@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import collections
+import dataclasses
 import os
 
 import lcs_random
+import numpy as np
 import pytest
+
+from marble.lcs import LCS, Planner
 
 pytest.importorskip("marble._core")
 
@@ -27,12 +31,6 @@ def test_every_call_ends_with_a_checked_result_or_an_error_that_names_its_argume
 
 
 def test_the_check_of_plans_finds_what_is_wrong():
-    import dataclasses
-
-    import numpy as np
-
-    from marble.lcs import LCS, Planner
-
     random = np.random.default_rng(3)
     lcs = LCS(**lcs_random.system(random, (2, 1, 2)))
     task, last = lcs_random.problem(random, 2, 1), np.zeros(1)
@@ -40,8 +38,9 @@ def test_the_check_of_plans_finds_what_is_wrong():
     with Planner(lcs, **task, server="local") as planner:
         plan = planner.step(x0, last_u=last)
     assert lcs_random.check_plan(plan, lcs, x0, task, last)
-    for changes, words in (({"x": plan.x + 0.1}, "x0"), ({"lam": plan.lam + 0.1}, "dynamics"), ({"u": plan.u + 1e4}, "dyn"),
-                           ({"objective": plan.objective + 1}, "objective"), ({"u": plan.u[1:]}, "shapes"),
+    for changes, words in (({"x": plan.x + 0.1}, "x0"), ({"lam": plan.lam + 0.1}, "dynamics"),
+                           ({"u": plan.u + 1e4}, "dynamics"), ({"objective": plan.objective + 1}, "objective"),
+                           ({"u": plan.u[1:]}, "shapes"),
                            ({"start_objective": plan.objective - 1}, "above that of the start")):
         with pytest.raises(lcs_random.Found, match=words):
             lcs_random.check_plan(dataclasses.replace(plan, **changes), lcs, x0, task, last)

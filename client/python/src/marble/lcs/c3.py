@@ -20,7 +20,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from marble.base.checks import is_number
+from marble.base.checks import is_number, is_whole
 from marble.errors import InvalidArgument
 from marble.lcs.optional import optional
 from marble.lcs.system import Array
@@ -108,9 +108,10 @@ class C3Options:
             contacts["pairs"] = pairs
         elif np.ndim(self.contacts.get("friction", 0.0)) > 0:
             raise InvalidArgument("pairs", "is required: friction of the file is one for each contact")
-        made = {"rate": rate, "stages": self.stages, "dt": self.dt, "R": self.R, "u_lb": self.u_lb, "u_ub": self.u_ub,
-                "Q": _of_rotations(self.Q, quaternions), "P": _of_rotations(self.P, quaternions), "target": target,
-                "contacts": contacts}
+        made: dict[str, Any] = {
+            "rate": rate, "stages": self.stages, "dt": self.dt, "Q": _of_rotations(self.Q, quaternions), "R": self.R,
+            "P": _of_rotations(self.P, quaternions), "u_lb": self.u_lb, "u_ub": self.u_ub, "target": target,
+            "contacts": contacts}
         return Task(**{**made, **changes})
 
 
@@ -373,8 +374,8 @@ def _check_keys(yaml: Any, node: Any) -> None:
         for key, value in node.value:
             name = key.value if isinstance(key, yaml.ScalarNode) else None
             if name is None or name in seen or name == "<<":
-                raise InvalidArgument("path", f"must have each field once, by a text, in line {key.start_mark.line + 1}",
-                                      value=_short(name))
+                raise InvalidArgument("path", "must have each field once, by a text, but has another one in line "
+                                      f"{key.start_mark.line + 1}", value=_short(name))
             seen.add(name)
             _check_keys(yaml, value)
     elif isinstance(node, yaml.SequenceNode):
@@ -388,15 +389,12 @@ def _each(values: Any, field: str, read: Callable[[Any, str, int | None], float]
     return [read(value, field, index) for index, value in enumerate(values)]
 
 
-def _number(value: Any, field: str, index: int | None = None, least: float = -math.inf,
+def _number(value: Any, field: str, index: int | None = None, /, *, least: float = -math.inf,
             above: float = -math.inf) -> float:
     """A finite number. PyYAML reads 1e-3 as a text, Drake as a number."""
     if isinstance(value, str) and len(value) < 100 and _NUMBER.fullmatch(value):
         value = float(value)
-    try:
-        number = float(value) if is_number(value) else math.nan
-    except OverflowError:
-        number = math.inf
+    number = float(value) if is_number(value) else math.nan
     if not (math.isfinite(number) and number >= least and number > above):
         bound = f" and > {above:g}" if above > -math.inf else f" and >= {least:g}" if least > -math.inf else ""
         raise InvalidArgument(field, f"must be a finite number{bound}", index=index, value=_short(value))
@@ -404,9 +402,9 @@ def _number(value: Any, field: str, index: int | None = None, least: float = -ma
 
 
 def _whole(value: Any, field: str, least: int, most: int, index: int | None = None) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+    if not is_whole(value, least, most):
         raise InvalidArgument(field, f"must be a whole number in [{least}, {most}]", index=index, value=_short(value))
-    return value
+    return int(value)
 
 
 def _short(value: Any) -> str:
@@ -424,8 +422,8 @@ def _of_rotations(W: Array, quaternions: Any) -> Array:
         raise InvalidArgument("quaternions", "must be a sequence of indices", value=_short(quaternions))
     keep, scale, last = np.ones(W.shape[-1], dtype=bool), np.ones(W.shape[-1]), -4
     for index, at in enumerate(quaternions):
-        if isinstance(at, bool) or not isinstance(at, int | np.integer) or not last + 4 <= at <= keep.size - 4:
-            raise InvalidArgument("quaternions", f"must be in [{last + 4}, {keep.size - 4}], in ascending order, 4 apart",
+        if not is_whole(at, last + 4, keep.size - 4):
+            raise InvalidArgument("quaternions", f"must be in [{last + 4}, {keep.size - 4}], in ascending order",
                                   index=index, value=_short(at))
         weights = np.diagonal(W, axis1=-2, axis2=-1)[..., at:at + 4]
         if (weights != weights[..., :1]).any():

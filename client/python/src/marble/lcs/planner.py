@@ -237,8 +237,8 @@ class Planner:
         before = None if last_u is None else vector(last_u, "last_u", self.nu, " (nu)")
         guess = None if u is None else _shaped(u, "u", (self.stages, self.nu))
         with core_errors():
-            changes, start, by = self._planner.begin(lcs, x0, targets["x_ref"], targets["u_ref"], before, guess, int(shift),
-                                                     prepares)
+            changes, start, by = self._planner.begin(lcs, x0, targets["x_ref"], targets["u_ref"], before, guess,
+                                                     int(shift), prepares)
         made = {name: value if name == "c0" else np.asarray(value) for name, value in changes.items()}
         for name in ("A", "R"):
             old = getattr(self.problem, name)
