@@ -240,6 +240,11 @@ class Pages(unittest.TestCase):
         box, goal = self.run_example("push_box.py", 1.0)
         self.assertAlmostEqual(box, goal, delta=0.02)
 
+    def test_the_cube_is_turned_onto_its_side(self):
+        turn, place = self.run_example("pivot_cube.py", 2.4)
+        self.assertAlmostEqual(turn, 90, delta=3)
+        self.assertAlmostEqual(place, 0.2, delta=0.02)
+
     def test_the_pole_is_caught_by_the_wall(self):
         cart, pole = self.run_example("cart_pole_walls.py", 2.0)
         self.assertAlmostEqual(cart, 0, delta=0.05)

@@ -1,12 +1,15 @@
 """Linearizations of MuJoCo models: one step of the LCS against one step of MuJoCo, and as the step gets shorter."""
 
 import pathlib
+import re
+import subprocess
+import sys
 import unittest
 
 import mujoco
 import numpy as np
 from lcp import step
-from adapter_page import example
+from adapter_page import ROOT, example
 
 import marble
 import marble.lcs
@@ -417,6 +420,15 @@ class Errors(unittest.TestCase):
                    chain('<motor joint="a" gear="3"/>', '<intvelocity joint="a" kp="1" actrange="-1 1"/>'))
         self.check("model.nu is 0", mujoco.MjModel.from_xml_string(
             "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"))
+
+
+class Random(unittest.TestCase):
+    def test_random_options_end_with_a_linearization_or_an_error_that_names_one(self):
+        run = subprocess.run([sys.executable, ROOT / "client/python/tests/lcs_random.py", "--target", "mujoco", "--runs",
+                              "300"], capture_output=True, text=True)
+        self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
+        counts = dict(re.findall(r"mujoco +(accepted|refused) +(\d+)", run.stdout))
+        self.assertEqual(sum(map(int, counts.values())), 300)
 
 
 class Page(unittest.TestCase):

@@ -3,6 +3,7 @@ called."""
 
 import csv
 import itertools
+import json
 import os
 import pathlib
 import subprocess
@@ -73,6 +74,57 @@ class ClosedLoop(unittest.TestCase):
             if problem.z0 is not None:
                 self.assertLess(np.abs(problem.A @ problem.z0 + problem.b).max(), 1e-9)
                 self.assertLess(solution.objective, problem.objective(problem.z0) + 1e-6)
+
+
+class TwoFingers(unittest.TestCase):
+    def test_the_simulation_differs_from_what_controllers_know(self):
+        task = TASKS["push_t"]
+        model, scenario = task.load(), task.of_seed(2)
+        plant = loop.simulated(model, scenario)
+        self.assertNotEqual((scenario.mass, scenario.friction), (1, 1))
+        np.testing.assert_allclose(plant.body_mass, scenario.mass * model.body_mass)
+        np.testing.assert_allclose(plant.geom_friction[:, 0], scenario.friction * model.geom_friction[:, 0])
+        np.testing.assert_array_equal(model.body_mass, task.load().body_mass)
+
+    def test_nothing_happens_without_control_and_the_fingers_do_it(self):
+        for name in ("push_t", "pivot"):
+            with self.subTest(name):
+                task = TASKS[name]
+                runs = {controller: loop.run(task, 0, controller, controllers.controller(controller, task))
+                        for controller in ("none", "marble")}
+                self.assertEqual({controller: run.done for controller, run in runs.items()},
+                                 {"none": False, "marble": True})
+                self.assertEqual(sum(step.unsolved for step in runs["marble"].steps), 0)
+                self.assertLess(runs["marble"].cost, runs["none"].cost)
+
+
+class SharedServer(unittest.TestCase):
+    def test_four_robots_share_one_server(self):
+        with tempfile.TemporaryDirectory() as folder:
+            file = pathlib.Path(folder) / "robots.json"
+            for switches in (["--unpaced"], ["--prepare"]):
+                with self.subTest(switches):
+                    run = subprocess.run([sys.executable, SUITE / "shared_server", "--seconds", "0.4", "--json", file,
+                                          *switches], capture_output=True, text=True, check=True)
+                    robots = json.loads(file.read_text(encoding="utf-8"))
+                    self.assertEqual([robot["task"] for robot in robots],
+                                     ["cart_pole_10", "push_box", "hopper_stand", "quadruped_push"])
+                    for robot in robots:
+                        self.assertIn(robot["task"], run.stdout)
+                        self.assertEqual((robot["steps"], robot["errors"], robot["infeasible"]), (20, 0, 0))
+                        self.assertTrue(0 < robot["solve_s"][0] <= robot["solve_s"][2] <= robot["wall_s"][2])
+                        if "--unpaced" in switches:  # no deadline stops a solve
+                            self.assertEqual((robot["fallbacks"], robot["unsolved"]), (0, 0), robot["detail"])
+
+    def test_a_robot_that_cannot_begin_ends_all(self):
+        run = subprocess.run([sys.executable, SUITE / "shared_server", "--tasks", "cart_pole_10", "wheels"],
+                             capture_output=True, text=True)
+        self.assertEqual(run.returncode, 2)
+        self.assertIn("tasks: wheels must be one of cart_pole_10", run.stderr)
+        run = subprocess.run([sys.executable, SUITE / "shared_server"], capture_output=True, text=True,
+                             env={**os.environ, "MARBLE_SERVER_BINARY": "/bin/false"})
+        self.assertEqual(run.returncode, 1)
+        self.assertIn("/bin/false ended with 1", run.stderr)
 
 
 class Peers(unittest.TestCase):

@@ -1,5 +1,6 @@
 """One run of a task in MuJoCo's own physics, with one controller; and what is counted of it."""
 
+import copy
 import dataclasses
 import time
 from typing import Any
@@ -59,13 +60,32 @@ def pairs(task):
     return int(linearizer(model, data, dt=task.dt, **task.contacts)(data).lcs.nl)
 
 
+def simulated(model, scenario):
+    """The model that is simulated; controllers have the nominal one."""
+    made = copy.copy(model)
+    made.body_mass[:] *= scenario.mass
+    made.body_inertia[:] *= scenario.mass
+    made.geom_friction[:, 0] *= scenario.friction
+    mj.mj_setConst(made, mj.MjData(made))
+    return made
+
+
+def push(model, data, scenario):
+    """Applies the scenario's pushes at the present time."""
+    data.xfrc_applied[:] = 0
+    for start, end, body, force in scenario.pushes:
+        if start <= data.time < end:
+            data.xfrc_applied[model.body(body).id, :3] += force
+
+
 def run(task, seed, name, controller):
     """controller(task, model, view) -> an object with step(view), and close(). If the task fails, the remaining time
     costs what the last step did."""
     model, scenario = task.load(), task.of_seed(seed)
-    data = mj.MjData(model)
+    plant = simulated(model, scenario)
+    data = mj.MjData(plant)
     data.qpos[:], data.qvel[:] = scenario.q, scenario.v
-    mj.mj_forward(model, data)
+    mj.mj_forward(plant, data)
     linearize = linearizer(model, data, dt=task.dt, **task.contacts)
     now = linearize(data)
     ticks, substeps = round(task.rate * task.seconds), round(1 / task.rate / model.opt.timestep)
@@ -85,11 +105,8 @@ def run(task, seed, name, controller):
             cost += price
             data.ctrl[:] = step.u
             for _ in range(substeps):
-                data.xfrc_applied[:] = 0
-                for start, end, body, force in scenario.pushes:
-                    if start <= data.time < end:
-                        data.xfrc_applied[model.body(body).id, :3] += force
-                mj.mj_step(model, data)
+                push(plant, data, scenario)
+                mj.mj_step(plant, data)
             if task.failed(scenario, data):
                 cost += (ticks - tick - 1) * price
                 return Run(task.name, seed, name, False, cost, steps, data.time)

@@ -13,13 +13,15 @@ MODELS = pathlib.Path(__file__).resolve().parent / "models"
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
-    """What differs between the seeds of a task: the start, a goal in m, and pushes (from, to in s, body, force (3,) in
-    N)."""
+    """What differs between the seeds of a task: the start, a goal in m, or a pose, pushes (from, to in s, body, force
+    (3,) in N), and by which factors the masses and the friction of the simulation differ from what controllers know."""
 
     q: np.ndarray
     v: np.ndarray
-    goal: float = 0.0
+    goal: Any = 0.0
     pushes: tuple = ()
+    mass: float = 1.0
+    friction: float = 1.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,6 +99,56 @@ def push_box(contact):
         lambda _, data: np.abs(data.qpos).max() > 2)
 
 
+def push_t(contact):
+    """A T is turned and moved on a table by two fingers; they belong at the ends of its bar."""
+    def scenario(_, random):
+        q = np.array([0, 0, 0, 0, 0.14, 0, -0.14]) + spread(random, 7, 1.0) * [0.02, 0.02, 0.2, *[0.01] * 4]
+        goal = np.array([0.2, 0.1, np.pi / 2]) + spread(random, 3, 1.0) * [0.05, 0.05, 0.3]
+        mass, friction = 1 + spread(random, 2, 0.2)
+        return Scenario(q, np.zeros(7), goal, mass=mass, friction=friction)
+
+    def target(this, data, time):
+        here, turn = data.qpos[:2], data.qpos[2]
+        wanted = this.q[:3] + np.clip(time / 2.5, 0, 1) * (this.goal - this.q[:3])
+        side = 0.1 * np.array([-np.sin(turn), np.cos(turn)])
+        return np.array([*wanted, *(here + side), *(here - side)]), np.zeros(7)
+
+    Q = np.diag([200, 200, 10, 60, 60, 60, 60, 2, 2, 0.1, 0.2, 0.2, 0.2, 0.2])
+    return Task(
+        "push_t" + ("_st" if contact == "stewart_trinkle" else ""), "push_t", 4.0, 0.05, 10,
+        {"contact": contact, "num_directions": 2,
+         "pairs": [("bar", "left"), ("bar", "right"), ("stem", "left"), ("stem", "right")]},
+        Q, 5 * Q, 1e-3 * np.eye(4), scenario, target,
+        lambda this, data: np.abs(data.qpos[:2] - this.goal[:2]).max() < 0.02 and abs(data.qpos[2] - this.goal[2]) < 0.1,
+        lambda _, data: np.abs(data.qpos[:2]).max() > 1)
+
+
+def pivot(contact):
+    """A cube is turned by 90 degrees about its right lower edge; a finger pushes, another one holds it back."""
+    def scenario(_, random):
+        q = np.array([0, 0, 0, -0.15, 0.05, 0, 0.15]) + spread(random, 7, 1.0) * [0.03, 0, 0, *[0.02] * 4]
+        mass, friction = 1 + spread(random, 2, 0.2)
+        return Scenario(q, np.zeros(7), q[0] + 0.2, mass=mass, friction=friction)
+
+    def target(this, data, time):
+        turn = np.pi / 2 * np.clip(time / 2, 0, 1)
+        c, s = np.cos(turn), np.sin(turn)
+        x, z = this.goal - 0.1 - 0.1 * c + 0.1 * s, -0.1 + 0.1 * c + 0.1 * s
+        at, here = data.qpos[:2], data.qpos[2]
+        right, up = np.array([np.cos(here), -np.sin(here)]), np.array([np.sin(here), np.cos(here)])
+        return np.array([x, z, turn, *(at - 0.1 * right + 0.05 * up), *(at + 0.1 * up)]), np.zeros(7)
+
+    Q = np.diag([100, 100, 50, 5, 5, 5, 5, 1, 1, 0.5, 0.1, 0.1, 0.1, 0.1])
+    return Task(
+        "pivot" + ("_st" if contact == "stewart_trinkle" else ""), "pivot", 4.0, 0.04, 10,
+        {"contact": contact, "num_directions": 2,
+         "pairs": [*(("floor", "cube", f"corner{i}") for i in (0, 4, 5)), ("cube", "left"), ("cube", "top")]},
+        Q, 5 * Q, 1e-3 * np.eye(4), scenario, target,
+        lambda this, data: abs(data.qpos[2] - np.pi / 2) < 0.1 and abs(data.qpos[0] - this.goal) < 0.03
+        and abs(data.qpos[1]) < 0.01,
+        lambda _, data: np.abs(data.qpos[:3]).max() > 2.5)
+
+
 def hopper(name, contact="anitescu", speed=0.0, push=0.0, seconds=3.0, limits=False):
     def scenario(_, random):
         q = np.array([0, 1.25, 0, 0, 0, 0]) + spread(random, 6, 1.0) * [0, 0, 0.05, 0.1, 0.1, 0.1]
@@ -146,6 +198,7 @@ def upright(data):
 
 TASKS = {task.name: task for task in [
     cart_pole(10), cart_pole(30), push_box("anitescu"), push_box("stewart_trinkle"),
+    push_t("anitescu"), push_t("stewart_trinkle"), pivot("anitescu"), pivot("stewart_trinkle"),
     hopper("hopper_stand"), hopper("hopper_stand_st", "stewart_trinkle"), hopper("hopper_limits", limits=True),
     hopper("hopper_push", push=40.0),
     hopper("hopper_walk", speed=0.3, seconds=10.0), hopper("hopper_run", speed=1.0, seconds=10.0),

@@ -179,7 +179,8 @@ class Controller:
             raise InvalidArgument("elapsed", "must be finite and ≥ 0 seconds", value=elapsed)
         if self._current is None or self._linearize is None:
             raise FailedPrecondition("input: a step must come first")
-        current, stages = self._current, elapsed / self.task.dt
+        current = self._current
+        stages = min(elapsed / self.task.dt, float(len(current.u)))
         u = current.u[min(int(stages + _SAME_TIME), len(current.u) - 1)]
         if self._gains is not None:
             error = current.state(stages) - current.base.state(*self._linearize.measure(state))
