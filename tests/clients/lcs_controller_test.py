@@ -125,6 +125,7 @@ class Animations(unittest.TestCase):
     def test_a_run_becomes_a_gif_or_an_mp4(self):
         recorder = self.recorded(width=160, height=120, fps=25)
         self.assertEqual(len(recorder.frames), 11)
+        self.assertGreater(recorder.frames[0].max(), 20)  # its bodies are where they are from the beginning
         self.assertGreater(np.abs(recorder.frames[0].astype(float) - recorder.frames[-1]).max(), 20)  # it moves
         with tempfile.TemporaryDirectory() as folder:
             gif, mp4 = (pathlib.Path(folder) / name for name in ("run.gif", "run.mp4"))

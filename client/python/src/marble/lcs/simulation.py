@@ -135,6 +135,9 @@ def simulate(controller: Controller, model: Any, data: Any, seconds: float, *, p
         raise InvalidArgument("seconds", "must be finite and ≥ 0", value=seconds)
     timestep = float(model.opt.timestep)
     substeps = controller.task.substeps(timestep, f"1 / {timestep:g} s, of the model's timestep,")
+    if recorder is not None:  # places of bodies and cameras, which a new MjData lacks
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_camlight(model, data)
     for _ in range(round(seconds / controller.task.period_s)):
         step = controller.step(data)
         data.ctrl[:] = step.u
