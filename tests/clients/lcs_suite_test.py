@@ -89,7 +89,7 @@ class TwoFingers(unittest.TestCase):
     def test_nothing_happens_without_control_and_the_fingers_do_it(self):
         for name in ("push_t", "pivot"):
             with self.subTest(name):
-                task = TASKS[name]
+                task = TASKS[name].lasting(3.0)
                 runs = {controller: loop.run(task, 0, controller, controllers.controller(controller, task))
                         for controller in ("none", "marble")}
                 self.assertEqual({controller: run.done for controller, run in runs.items()},
