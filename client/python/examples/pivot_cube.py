@@ -1,10 +1,10 @@
 """Two fingers turn a cube by 90 degrees about its lower edge: MuJoCo simulates, Marble plans at 50 Hz. Requires mujoco.
 
-One finger pushes at the left side; the other one rests on the top, which becomes the right side, and holds the cube back
-once it would fall over. Nothing prescribes when they touch: each plan finds that out.
+One finger pushes at the left side; the other one rests on the top, which becomes the right side, and holds the cube
+back once it would fall over. Nothing prescribes when they touch: each plan finds that out.
 
-Usage: MARBLE_SERVER=127.0.0.1:50051 python examples/pivot_cube.py [SECONDS [ANIMATION]]    (MARBLE_SERVER=local: in this
-process). ANIMATION: a .gif, with pillow, or an .mp4, with imageio[ffmpeg].
+Usage: MARBLE_SERVER=127.0.0.1:50051 python examples/pivot_cube.py [SECONDS [ANIMATION]]    (MARBLE_SERVER=local: in
+this process). ANIMATION: a .gif, with pillow, or an .mp4, with imageio[ffmpeg].
 """
 
 import contextlib

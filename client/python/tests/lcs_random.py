@@ -64,16 +64,11 @@ def hostile(random, like=None):
     return choices[random.integers(len(choices))]()
 
 
-def harmless(random, values):
+def form(random, values):
     """The same numbers in another form."""
     array = np.array(values, dtype=float)
-    return random.choice(5), {0: array, 1: array.tolist(), 2: np.asfortranarray(array), 3: array.astype(object),
-                              4: np.repeat(array, 2, axis=0)[::2] if array.ndim else array}
-
-
-def form(random, values):
-    chosen, forms = harmless(random, values)
-    return forms[int(chosen)]
+    return [array, array.tolist(), np.asfortranarray(array), array.astype(object),
+            np.repeat(array, 2, axis=0)[::2] if array.ndim else array][random.integers(5)]
 
 
 def system(random, sizes=None, stages=None):
@@ -291,12 +286,14 @@ TASK = {"rate": 10.0, "stages": 4, "dt": 0.1, "Q": np.eye(2), "R": np.eye(1), "P
         "regularization": 0.1, "u_ref": np.zeros(1), "u_lb": -1.0, "u_ub": 1.0, "v_lb": -9.0, "v_ub": 9.0,
         "max_u_change": 5.0, "contacts": {}, "shift": 1, "deadline": np.inf, "kp": 1.0, "kd": np.ones(1),
         "target": (np.zeros(1), np.zeros(1))}
-OF_TASK = (*TASK, "x_lb", "x_ub", "task", "state", "elapsed", "model")
+OF_TASK = (*TASK, "x_lb", "x_ub", "x_ref", "x0", "task", "state", "elapsed", "model")
 
 
 def task(random):
     """A task, and a controller of it, with a hostile call among its steps; it is closed then."""
     arguments = TASK if random.random() < 0.3 else spoil(random, TASK, random.integers(1, 3))
+    if callable(arguments["target"]):  # its errors are its own
+        arguments["target"] = None
     if random.random() < 0.2:
         parts = [hostile(random, np.zeros(1)) for _ in range(random.integers(4))]
         arguments = {**TASK, "target": (lambda *_: parts) if random.random() < 0.5 else parts}

@@ -288,6 +288,17 @@ def test_a_bad_step_is_named_and_changes_nothing():
         assert planner.step(START, shift=0).start_objective == pytest.approx(plan.objective)
 
 
+def test_numbers_that_overflow_are_named_by_their_argument():
+    with pytest.raises(InvalidArgument, match=r"x_ref: must leave the numbers of the LCQP finite \(c0"):
+        Planner(cart_pole(), 5, **COSTS, x_ref=[1e200, 0, 0, 0], server="local")
+    with Planner(cart_pole(), 5, **COSTS, server="local") as planner:
+        with pytest.raises(InvalidArgument, match=r"x0: must leave the numbers of the LCQP finite \(c0"):
+            planner.step([1e200, 0, 0, 0])
+        with pytest.raises(InvalidArgument, match="lcs is dict: must be a"):
+            planner.step(START, lcs={})
+        assert planner.step(START).feasible
+
+
 def test_without_the_native_module_the_error_says_what_to_install(monkeypatch):
     def missing(_):
         raise ImportError("no _core")

@@ -8,9 +8,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import enum
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -23,7 +24,7 @@ from marble.base.tables import Status
 from marble.calls.session import Session
 from marble.calls.shift import Shift, ShiftBlock
 from marble.connection.connect import server_of
-from marble.errors import DeadlineExceeded, InvalidArgument, Unavailable
+from marble.errors import DeadlineExceeded, InvalidArgument, InvalidProblem, Unavailable
 from marble.in_process.core import core, core_errors
 from marble.lcs.system import LCS, Array, one_each
 from marble.message import records
@@ -158,7 +159,8 @@ class Planner:
             self._planner = module.LcsPlanner(lcs, task, core_options(given))
         self.P: Array = np.asarray(self._planner.terminal_cost()).reshape(nx, nx)
         """The terminal cost, as given or computed."""
-        self.problem: LCQP = problem_of(self._planner.problem()).named("lcs")
+        with _overflow_of("x_ref"):
+            self.problem: LCQP = problem_of(self._planner.problem()).named("lcs")
         """The LCQP of the first control step, with x0 = 0; z = (u_0, λ_0, x_1, …, u_{N−1}, λ_{N−1}, x_N)."""
         self._client, self._owns_client = (server, False) if isinstance(server, marble.Client) else (
             marble.Client(server_of(server)), True)
@@ -184,7 +186,8 @@ class Planner:
         changes, start, shifted = self._begin(lcs, vector(x0, "x0", self.nx, " (nx)"), x_ref, u_ref, last_u, u, shift,
                                               False)
         try:
-            solution = self._session.update(**changes, z0=start, shift=shifted, deadline=deadline, **options)
+            with _overflow_of("x0"):
+                solution = self._session.update(**changes, z0=start, shift=shifted, deadline=deadline, **options)
         except DeadlineExceeded as error:
             return self._finish(Status.TIME_LIMIT, None, str(error), begun)
         except Exception:
@@ -200,7 +203,8 @@ class Planner:
         """
         changes, start, shifted = self._begin(lcs, None, x_ref, u_ref, None, u, shift, True)
         try:
-            self._session.prepare(**changes, z0=start, shift=shifted, **options)
+            with _overflow_of("x_ref"):
+                self._session.prepare(**changes, z0=start, shift=shifted, **options)
         except Exception:
             self._planner.resend()
             raise
@@ -296,6 +300,15 @@ class Planner:
             self._session.__exit__(kind, *rest)
         finally:
             self._close_client()
+
+
+@contextlib.contextmanager
+def _overflow_of(field: str) -> Iterator[None]:
+    """Names the argument where numbers are so large that the LCQP's are not finite."""
+    try:
+        yield
+    except InvalidProblem as error:
+        raise InvalidArgument(field, f"must leave the numbers of the LCQP finite ({error})") from None
 
 
 def _check_system(lcs: Any) -> None:

@@ -152,7 +152,7 @@ class Task:
 
 def _pair(target: Any) -> tuple[ArrayLike, ArrayLike]:
     if not isinstance(target, Sequence) or isinstance(target, str) or len(target) != 2:
-        raise InvalidArgument("target", "must be (q, v), or a function that returns them", value=repr(target))
+        raise InvalidArgument("target", "must be (q, v), or a function that returns them", value=repr(target)[:100])
     return target[0], target[1]
 
 
