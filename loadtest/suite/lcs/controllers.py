@@ -17,6 +17,8 @@ TUNED: dict[tuple[str, str], dict] = {  # by controller and model
     ("c3", "hopper"): {"g_lambda": 1.0, "rho_scale": 3.0},
     ("c3plus", "cart_pole"): {"g_lambda": 0.1, "rho_scale": 3.0, "u_eta": 100.0},
     ("c3plus", "push_box"): {"g_lambda": 0.01, "rho_scale": 2.0, "u_eta": 0.01},
+    ("c3plus", "push_t"): {"g_lambda": 0.01, "rho_scale": 2.0, "u_eta": 0.01},  # these two: six combinations on seed 1
+    ("c3plus", "pivot"): {"g_lambda": 0.01, "rho_scale": 2.0, "u_eta": 1.0},
     ("c3plus", "hopper"): {"g_lambda": 1.0, "rho_scale": 2.0, "u_eta": 1.0},
     ("c3plus", "quadruped"): {"g_lambda": 0.01, "rho_scale": 2.0, "u_eta": 1.0},
     ("ilqr", "cart_pole"): {"iterations": 1, "timestep": 0.005},
