@@ -74,7 +74,8 @@ class Planner {
   /// the last solution moves on. lcs: None: as before. Vectors may be None.
   py::tuple begin(const py::object& lcs, const py::object& x0, const py::object& x_ref,
                   const py::object& u_ref, const py::object& last_u, const py::object& u, Index shift,
-                  bool prepares) {
+                  bool prepares, const py::object& x_lb, const py::object& x_ub, const py::object& u_lb,
+                  const py::object& u_ub) {
     Borrowed arrays;
     std::optional<LcsView> view;
     if (!lcs.is_none()) view = view_of(lcs, arrays);
@@ -87,7 +88,11 @@ class Planner {
                           .u_ref = values(u_ref),
                           .last_u = values(last_u),
                           .u = values(u),
-                          .shift = shift};
+                          .shift = shift,
+                          .x_lb = values(x_lb),
+                          .x_ub = values(x_ub),
+                          .u_lb = values(u_lb),
+                          .u_ub = values(u_ub)};
     const LcsUpdate update = value_or_raise(prepares ? planner_->prepare(step) : planner_->begin(step));
     const py::object start =
         update.restart.initial_z.empty() ? py::none() : py::cast(copied(update.restart.initial_z));

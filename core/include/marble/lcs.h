@@ -95,8 +95,9 @@ struct LcsTrajectory {
 ///   min Σ_{k<N} |x_k − x_ref,k|²_Q + |u_k − u_ref,k|²_R + |u_k − u_{k−1}|²_R_change + regularization |λ_k|²
 ///       + |x_N − x_ref,N|²_P
 ///
-/// with |v|²_W = vᵀWv, over the inputs u_0 … u_{N−1}. States are bounded in stages 1 … N. Absent limits are
-/// ±infinity or ±infinite_limit.
+/// with |v|²_W = vᵀWv, over the inputs u_0 … u_{N−1}. States are bounded in stages 1 … N: the first row of
+/// x_lb is that of stage 1. Absent limits are ±infinity or ±infinite_limit. Each entry has a limit in all
+/// stages or in none, as each finite limit is a row of the LCQP, whose pattern is fixed.
 struct LcsTask {
   Index stages = 0;       ///< N ≥ 1
   std::vector<double> Q;  ///< nx × nx symmetric, or N of them
@@ -108,10 +109,10 @@ struct LcsTask {
   double regularization = 0.0;            ///< ≥ 0; makes λ unique where contact forces are not
   std::vector<double> x_ref = {};         ///< nx, or (N + 1) × nx; empty: zeros
   std::vector<double> u_ref = {};         ///< nu, or N × nu; empty: zeros
-  std::vector<double> x_lb = {};          ///< nx; empty: none
-  std::vector<double> x_ub = {};          ///< nx, ≥ x_lb; empty: none
-  std::vector<double> u_lb = {};          ///< nu; empty: none
-  std::vector<double> u_ub = {};          ///< nu, ≥ u_lb; empty: none
+  std::vector<double> x_lb = {};          ///< nx, or N × nx; empty: none
+  std::vector<double> x_ub = {};          ///< nx, or N × nx, ≥ x_lb; empty: none
+  std::vector<double> u_lb = {};          ///< nu, or N × nu; empty: none
+  std::vector<double> u_ub = {};          ///< nu, or N × nu, ≥ u_lb; empty: none
   std::vector<double> max_u_change = {};  ///< nu, ≥ 0: of |u_k − u_{k−1}| from stage to stage; empty: none
 };
 
@@ -127,6 +128,12 @@ struct LcsStep {
   /// N × nu: inputs to roll out, instead of the last plan's, shifted; before the first plan, u_ref
   std::span<const double> u = {};
   Index shift = 1;  ///< in [0, N]: stages by which the last plan moves on before it is rolled out
+  /// nx, or N × nx: limits of stages 1 … N, finite exactly where the task's are, and x_lb ≤ x_ub with those
+  /// that keep their values. They do not move on with the plan.
+  std::span<const double> x_lb = {};
+  std::span<const double> x_ub = {};  ///< as x_lb
+  std::span<const double> u_lb = {};  ///< nu, or N × nu: as x_lb, of stages 0 … N − 1
+  std::span<const double> u_ub = {};  ///< as u_lb
 };
 
 /// Where a plan comes from.

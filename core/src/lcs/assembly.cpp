@@ -101,6 +101,7 @@ void LcsAssembly::make_dynamics() {
 void LcsAssembly::make_bounds(const CheckedTask& task) {
   const auto rows = static_cast<Index>(task.bounds.size());
   if (rows == 0) return;
+  problem_.d.assign(product(stages_, rows), 0.0);
   Columns columns(problem_.C, stages_ * rows, stages_ * width_);
   const auto add = [&](Index stage, LcsBound::Of of, Index entry, double factor) {
     for (Index i = 0; i < rows; ++i) {
@@ -121,7 +122,6 @@ void LcsAssembly::make_bounds(const CheckedTask& task) {
       add(k, LcsBound::Of::state, j, 1.0);
       columns.end();
     }
-    for (const LcsBound& bound : task.bounds) problem_.d.push_back(bound.offset);
   }
 }
 
@@ -203,11 +203,14 @@ void LcsAssembly::set_costs(const CheckedTask& task, std::span<const double> x0,
   problem_.c0 = constant;
 }
 
-void LcsAssembly::set_last_input(const CheckedTask& task, std::span<const double> last_u) {
-  for (std::size_t i = 0; i < task.bounds.size(); ++i) {
-    const LcsBound& bound = task.bounds[i];
-    if (bound.of != LcsBound::Of::input_change) continue;
-    problem_.d[i] = bound.offset - bound.sign * last_u[static_cast<std::size_t>(bound.entry)];
+void LcsAssembly::set_limits(const CheckedTask& task, std::span<const double> last_u) {
+  std::size_t row = 0;
+  for (Index k = 0; k < stages_; ++k) {
+    for (const LcsBound& bound : task.bounds) {
+      double& d = problem_.d[row++] = task.offset(bound, k);
+      if (k == 0 && bound.of == LcsBound::Of::input_change)
+        d -= bound.sign * last_u[static_cast<std::size_t>(bound.entry)];
+    }
   }
 }
 

@@ -18,8 +18,8 @@ class LcsAssembly {
   void set_state(const LCS& lcs, std::span<const double> x0);
   /// Writes g and c0, which depend on the targets, the initial state and the input before stage 0.
   void set_costs(const CheckedTask& task, std::span<const double> x0, std::span<const double> last_u);
-  /// Writes the first stage of d: bounds of the input's change.
-  void set_last_input(const CheckedTask& task, std::span<const double> last_u);
+  /// Writes d: the limits, and in the first stage the input of which the input's change begins.
+  void set_limits(const CheckedTask& task, std::span<const double> last_u);
 
   /// Returns the problem.
   [[nodiscard]] const OwnedProblem& problem() const { return problem_; }

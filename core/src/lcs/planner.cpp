@@ -134,7 +134,7 @@ void LcsPlanner::State::move_on(Index shift) {
 void LcsPlanner::State::write_vectors() {
   assembly.set_state(lcs, x0);
   assembly.set_costs(task, x0, last_u);
-  assembly.set_last_input(task, last_u);
+  assembly.set_limits(task, last_u);
 }
 
 void LcsPlanner::State::judge(Candidate& candidate) {
@@ -185,6 +185,12 @@ LcsUpdate LcsPlanner::State::update(Index shift) const {
 
 Expected<LcsUpdate> LcsPlanner::State::take(const LcsStep& step, bool prepares) {
   if (auto valid = check(step, !prepares); !valid) return unexpected(valid.error());
+  std::optional<LcsLimits> limits;
+  if (!step.x_lb.empty() || !step.x_ub.empty() || !step.u_lb.empty() || !step.u_ub.empty()) {
+    auto checked = task.limits_after(step);
+    if (!checked) return unexpected(checked.error());
+    limits = *std::move(checked);
+  }
   if (step.lcs != nullptr) {
     const LcsView& next = *step.lcs;
     for (const auto& [field, size, wanted] :
@@ -203,6 +209,7 @@ Expected<LcsUpdate> LcsPlanner::State::take(const LcsStep& step, bool prepares) 
     lcs = *std::move(checked);
   }
   const Clock::time_point begin = Clock::now();
+  if (limits) task.limits = *std::move(limits);
   if (step.lcs != nullptr) {
     assembly.set_matrices(lcs);
     has_new_matrices = true;

@@ -45,44 +45,54 @@ Expected<void> check_symmetric(std::span<const double> values, Index size, const
   return {};
 }
 
-// Limits of `size` entries; of an absent one, `none`.
-Expected<std::vector<double>> limits_of(const std::vector<double>& given, Index size, double none,
-                                        const char* field) {
-  if (given.empty()) return std::vector<double>(static_cast<std::size_t>(size), none);
-  if (given.size() != static_cast<std::size_t>(size)) {
+std::string field_of(const char* field, bool per_stage, std::size_t stage) {
+  return per_stage ? std::string(field) + "[" + std::to_string(stage) + "]" : std::string(field);
+}
+
+// Limits of every stage, given for all or for each; of an absent one, `none`. `rows`: of a step, the limits
+// that it replaces, whose rows it must have.
+Expected<std::vector<double>> limits_of(std::span<const double> given, Index size, Index stages, double none,
+                                        const char* field, const std::vector<double>* rows = nullptr) {
+  const std::size_t width = static_cast<std::size_t>(size), all = product(stages, size);
+  if (given.empty()) return std::vector<double>(all, none);
+  if (given.size() != width && given.size() != all) {
     return unexpected(invalid(field, std::to_string(given.size()),
-                              "must have " + std::to_string(size) + " entries, or none"));
+                              "must have " + std::to_string(width) + " entries, or " +
+                                  std::to_string(stages) + " times as many" +
+                                  (rows == nullptr ? ", or none" : "")));
   }
-  std::vector<double> limits = given;
-  for (std::size_t i = 0; i < limits.size(); ++i) {
-    if (std::isnan(limits[i]) || limits[i] == -none) {
-      return unexpected(
-          invalid(field, static_cast<std::int64_t>(i), text_of(limits[i]),
-                  none > 0.0 ? "must be a number or infinity" : "must be a number or -infinity"));
-    }
-    if (std::abs(limits[i]) >= infinite_limit && std::signbit(limits[i]) == std::signbit(none))
-      limits[i] = none;
+  std::vector<double> limits(all);
+  const bool per_stage = given.size() > width;
+  for (std::size_t i = 0; i < all; ++i) {
+    double& limit = limits[i] = given[i % given.size()];
+    const auto wrong = [&](const std::string& bound) {
+      return unexpected(invalid(field_of(field, per_stage, i / width), static_cast<std::int64_t>(i % width),
+                                text_of(given[i % given.size()]), bound));
+    };
+    if (std::isnan(limit) || limit == -none)
+      return wrong(none > 0.0 ? "must be a number or infinity" : "must be a number or -infinity");
+    if (std::abs(limit) >= infinite_limit && std::signbit(limit) == std::signbit(none)) limit = none;
+    const bool has_row = std::isfinite(rows == nullptr ? limits[i % width] : (*rows)[i % width]);
+    if (std::isfinite(limit) == has_row) continue;
+    if (rows == nullptr) return wrong("must be finite in all stages or in none");
+    return wrong(has_row ? "must be finite, as at the beginning: the rows of the LCQP are fixed"
+                         : "must be infinite, as at the beginning: the LCQP has no row for it");
   }
   return limits;
 }
 
-Expected<void> check_order(const std::vector<double>& lower, const std::vector<double>& upper,
-                           const char* lower_field, const char* upper_field) {
+// `given`: the larger size of the limits as given.
+Expected<void> check_order(const std::vector<double>& lower, const std::vector<double>& upper, Index size,
+                           std::size_t given, const char* lower_field, const char* upper_field) {
+  const auto width = static_cast<std::size_t>(size);
+  const bool per_stage = given > width;
   for (std::size_t i = 0; i < lower.size(); ++i) {
     if (lower[i] <= upper[i]) continue;
-    return unexpected(invalid(upper_field, static_cast<std::int64_t>(i), text_of(upper[i]),
+    return unexpected(invalid(field_of(upper_field, per_stage, i / width),
+                              static_cast<std::int64_t>(i % width), text_of(upper[i]),
                               std::string("must be >= ") + lower_field + ", " + text_of(lower[i])));
   }
   return {};
-}
-
-void add_bounds(std::vector<LcsBound>& bounds, LcsBound::Of of, const std::vector<double>& lower,
-                const std::vector<double>& upper, const char* lower_field, const char* upper_field) {
-  for (std::size_t i = 0; i < lower.size(); ++i) {
-    const auto entry = static_cast<Index>(i);
-    if (std::isfinite(lower[i])) bounds.push_back({of, entry, 1.0, -lower[i], lower_field});
-    if (std::isfinite(upper[i])) bounds.push_back({of, entry, -1.0, upper[i], upper_field});
-  }
 }
 
 double weighted(const SmallLcp::ConstMap& W, const ConstVectorMap& v, const ConstVectorMap& at) {
@@ -146,32 +156,87 @@ Expected<void> CheckedTask::take_weights(const LCS& lcs, const LcsTask& task) {
 }
 
 Expected<void> CheckedTask::take_bounds(const LcsTask& task) {
-  auto x_lb = limits_of(task.x_lb, states, -kInfinity, "x_lb");
-  if (!x_lb) return unexpected(x_lb.error());
-  auto x_ub = limits_of(task.x_ub, states, kInfinity, "x_ub");
-  if (!x_ub) return unexpected(x_ub.error());
-  auto u_lb = limits_of(task.u_lb, inputs, -kInfinity, "u_lb");
-  if (!u_lb) return unexpected(u_lb.error());
-  auto u_ub = limits_of(task.u_ub, inputs, kInfinity, "u_ub");
-  if (!u_ub) return unexpected(u_ub.error());
-  auto change = limits_of(task.max_u_change, inputs, kInfinity, "max_u_change");
-  if (!change) return unexpected(change.error());
-  auto valid = check_order(*x_lb, *x_ub, "x_lb", "x_ub");
-  if (valid) valid = check_order(*u_lb, *u_ub, "u_lb", "u_ub");
-  if (!valid) return valid;
-  std::vector<double> least_change;
-  for (std::size_t i = 0; i < change->size(); ++i) {
-    if (!((*change)[i] >= 0.0)) {
-      return unexpected(
-          invalid("max_u_change", static_cast<std::int64_t>(i), text_of((*change)[i]), "must be >= 0"));
+  Expected<void> valid;
+  const auto take = [&](std::vector<double>& to, std::span<const double> given, Index size, double none,
+                        const char* field) {
+    if (!valid) return;
+    if (auto made = limits_of(given, size, stages, none, field)) {
+      to = *std::move(made);
+    } else {
+      valid = unexpected(made.error());
     }
-    least_change.push_back(-(*change)[i]);
+  };
+  take(limits.x_lb, task.x_lb, states, -kInfinity, "x_lb");
+  take(limits.x_ub, task.x_ub, states, kInfinity, "x_ub");
+  take(limits.u_lb, task.u_lb, inputs, -kInfinity, "u_lb");
+  take(limits.u_ub, task.u_ub, inputs, kInfinity, "u_ub");
+  if (valid && task.max_u_change.size() > static_cast<std::size_t>(inputs)) {
+    valid = unexpected(invalid("max_u_change", std::to_string(task.max_u_change.size()),
+                               "must have " + std::to_string(inputs) + " entries, or none"));
   }
-  add_bounds(bounds, LcsBound::Of::input, *u_lb, *u_ub, "u_lb", "u_ub");
-  add_bounds(bounds, LcsBound::Of::input_change, least_change, *change, "max_u_change", "max_u_change");
-  add_bounds(bounds, LcsBound::Of::state, *x_lb, *x_ub, "x_lb", "x_ub");
-  u_lb_ = *std::move(u_lb), u_ub_ = *std::move(u_ub), max_u_change_ = *std::move(change);
+  take(limits.max_u_change, task.max_u_change, inputs, kInfinity, "max_u_change");
+  if (valid) {
+    valid = check_order(limits.x_lb, limits.x_ub, states, std::max(task.x_lb.size(), task.x_ub.size()),
+                        "x_lb", "x_ub");
+  }
+  if (valid) {
+    valid = check_order(limits.u_lb, limits.u_ub, inputs, std::max(task.u_lb.size(), task.u_ub.size()),
+                        "u_lb", "u_ub");
+  }
+  if (!valid) return valid;
+  const auto negative = std::ranges::find_if(limits.max_u_change, [](double change) { return change < 0.0; });
+  if (negative != limits.max_u_change.end()) {
+    return unexpected(
+        invalid("max_u_change", negative - limits.max_u_change.begin(), text_of(*negative), "must be >= 0"));
+  }
+  const auto add = [&](LcsBound::Of of, Index size, std::vector<double> LcsLimits::*lower,
+                       std::vector<double> LcsLimits::*upper, const char* lower_field,
+                       const char* upper_field) {
+    for (Index i = 0; i < size; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      if (std::isfinite((limits.*lower)[at])) bounds.push_back({of, i, 1.0, lower, lower_field});
+      if (std::isfinite((limits.*upper)[at])) bounds.push_back({of, i, -1.0, upper, upper_field});
+    }
+  };
+  add(LcsBound::Of::input, inputs, &LcsLimits::u_lb, &LcsLimits::u_ub, "u_lb", "u_ub");
+  add(LcsBound::Of::input_change, inputs, &LcsLimits::max_u_change, &LcsLimits::max_u_change, "max_u_change",
+      "max_u_change");
+  add(LcsBound::Of::state, states, &LcsLimits::x_lb, &LcsLimits::x_ub, "x_lb", "x_ub");
   return {};
+}
+
+Expected<LcsLimits> CheckedTask::limits_after(const LcsStep& step) const {
+  LcsLimits made = limits;
+  Expected<void> valid;
+  const auto take = [&](std::vector<double>& to, std::span<const double> given, Index size, double none,
+                        const char* field) {
+    if (!valid || given.empty()) return;
+    if (auto taken = limits_of(given, size, stages, none, field, &to)) {
+      to = *std::move(taken);
+    } else {
+      valid = unexpected(taken.error());
+    }
+  };
+  take(made.x_lb, step.x_lb, states, -kInfinity, "x_lb");
+  take(made.x_ub, step.x_ub, states, kInfinity, "x_ub");
+  take(made.u_lb, step.u_lb, inputs, -kInfinity, "u_lb");
+  take(made.u_ub, step.u_ub, inputs, kInfinity, "u_ub");
+  if (valid) {
+    valid = check_order(made.x_lb, made.x_ub, states, std::max(step.x_lb.size(), step.x_ub.size()), "x_lb",
+                        "x_ub");
+  }
+  if (valid) {
+    valid = check_order(made.u_lb, made.u_ub, inputs, std::max(step.u_lb.size(), step.u_ub.size()), "u_lb",
+                        "u_ub");
+  }
+  if (!valid) return unexpected(valid.error());
+  return made;
+}
+
+double CheckedTask::offset(const LcsBound& bound, Index stage) const {
+  const Index size = bound.of == LcsBound::Of::state ? states : inputs;
+  const double limit = (limits.*bound.limits)[product(stage, size) + static_cast<std::size_t>(bound.entry)];
+  return bound.of == LcsBound::Of::input_change ? limit : -bound.sign * limit;
 }
 
 Expected<void> CheckedTask::check_targets(std::span<const double> x_targets,
@@ -233,7 +298,7 @@ Violations CheckedTask::violations(const LCS& lcs, const LcsTrajectory& trajecto
     for (const LcsBound& bound : bounds) {
       double value = bound.of == LcsBound::Of::state ? next[bound.entry] : u[bound.entry];
       if (bound.of == LcsBound::Of::input_change) value -= before[bound.entry];
-      const double violation = -(bound.sign * value + bound.offset);
+      const double violation = -(bound.sign * value + offset(bound, k));
       if (!(violation > worst.inequality)) continue;
       worst.inequality = violation;
       if (where != nullptr) {
@@ -250,8 +315,8 @@ void CheckedTask::clip(std::span<double> u, std::span<const double> last_u) cons
   const double* before = last_u.data();
   for (std::size_t k = 0; k < u.size(); ++k) {
     const std::size_t i = k % static_cast<std::size_t>(inputs);
-    u[k] = std::clamp(u[k], before[i] - max_u_change_[i], before[i] + max_u_change_[i]);
-    u[k] = std::clamp(u[k], u_lb_[i], u_ub_[i]);
+    u[k] = std::clamp(u[k], before[i] - limits.max_u_change[i], before[i] + limits.max_u_change[i]);
+    u[k] = std::clamp(u[k], limits.u_lb[k], limits.u_ub[k]);
     if (i + 1 == static_cast<std::size_t>(inputs)) before = &u[k] - i;
   }
 }

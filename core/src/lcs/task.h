@@ -9,13 +9,18 @@
 
 namespace marble {
 
+/// Limits of every stage, stage after stage; ±∞ where there is none.
+struct LcsLimits {
+  std::vector<double> x_lb, x_ub, u_lb, u_ub, max_u_change;
+};
+
 /// A row sign · v[entry] + offset ≥ 0 of every stage, v being its input, its input's change or its next
-/// state.
+/// state. The offset depends on the stage.
 struct LcsBound {
   enum class Of { input, input_change, state } of;
   Index entry;
-  double sign;    // 1: a lower limit, −1: an upper one
-  double offset;  // −limit or limit
+  double sign;  // 1: a lower limit, −1: an upper one
+  std::vector<double> LcsLimits::*limits;
   const char* field;
 };
 
@@ -29,6 +34,12 @@ class CheckedTask {
                                              std::span<const double> u_ref) const;
   /// Takes targets that were checked; empty ones keep their values.
   void set_targets(std::span<const double> x_ref, std::span<const double> u_ref);
+
+  /// Returns the limits after a step that may give some. Errors: "x_lb", "x_lb[3]" of row 3, "x_ub", "u_lb",
+  /// "u_ub".
+  [[nodiscard]] Expected<LcsLimits> limits_after(const LcsStep& step) const;
+  /// Returns the offset of a bound in a stage.
+  [[nodiscard]] double offset(const LcsBound& bound, Index stage) const;
 
   /// Returns the objective of a trajectory after the input `last_u`.
   [[nodiscard]] double objective(const LcsTrajectory& trajectory, std::span<const double> last_u) const;
@@ -44,12 +55,11 @@ class CheckedTask {
   double regularization = 0.0;
   std::vector<double> x_ref, u_ref;  // of every stage
   std::vector<LcsBound> bounds;
+  LcsLimits limits;
 
  private:
   [[nodiscard]] Expected<void> take_weights(const LCS& lcs, const LcsTask& task);
   [[nodiscard]] Expected<void> take_bounds(const LcsTask& task);
-
-  std::vector<double> u_lb_, u_ub_, max_u_change_;  // of every input; ±∞ where there is none
 };
 
 }  // namespace marble

@@ -91,16 +91,17 @@ class Marble:
             client.record(*self.dump)
         return _Planned(client, Planner(
             view.now.lcs, task.stages, Q=task.Q, R=task.R, P=task.P, regularization=task.regularization,
-            u_lb=view.now.u_min, u_ub=view.now.u_max, x_ref=view.x_ref, server=client, **self.options))
+            u_lb=view.now.u_min, u_ub=view.now.u_max, x_ref=view.x_ref, **bounds(task, view.now), server=client,
+            **self.options), task)
 
 
 class _Planned:
-    def __init__(self, client, planner):
-        self._client, self._planner = client, planner
+    def __init__(self, client, planner, task):
+        self._client, self._planner, self._task = client, planner, task
 
     def step(self, view):
         lcs = view.now.lcs
-        plan = self._planner.step(view.now.x0, lcs=lcs, x_ref=view.x_ref)
+        plan = self._planner.step(view.now.x0, lcs=lcs, x_ref=view.x_ref, **bounds(self._task, view.now))
         return Step(plan.u[0], plan.times.solve_s, plan.status is not marble.Status.SOLVED or not plan.feasible,
                     complementarity(lcs, plan.x[:-1], plan.u, plan.lam),
                     (plan.objective - plan.start_objective) / max(1.0, abs(plan.start_objective)),
@@ -109,6 +110,16 @@ class _Planned:
     def close(self):
         self._planner.close()
         self._client.close()
+
+
+def bounds(task, now):
+    """Limits of joints as bounds of states, if the task has them so."""
+    limits = now.joint_bounds(now.x0, task.stages)
+    if limits is None:
+        return {}
+    lower, upper = limits
+    return {"x_lb": np.hstack([lower, np.full_like(lower, -np.inf)]),
+            "x_ub": np.hstack([upper, np.full_like(upper, np.inf)])}
 
 
 def complementarity(lcs, x, u, lam):

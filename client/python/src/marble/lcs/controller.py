@@ -146,7 +146,8 @@ class Controller:
             x_ref = None if is_prepared else self.task.x_ref(now, self.time_s)
             plan, error = self._guarded().step(now.lcs, x0, x_ref, self._applied,
                                                self._bounded(self._current.moved(shift).u), shift,
-                                               self.task.deadline_s - (time.perf_counter() - begin))
+                                               self.task.deadline_s - (time.perf_counter() - begin),
+                                               self.task.step_bounds(now, x0))
         return self._finish(plan, now, error, shift, begin, linearized - begin)
 
     def prepare(self, state: Any) -> None:
@@ -165,7 +166,8 @@ class Controller:
         current = self._current
         q, v = current.base.configuration(current.state(self.task.period_s / self.task.dt))
         ahead = self._linearize.at(state, q, v, self._applied)
-        if self._guarded().prepare(ahead.lcs, self.task.x_ref(ahead, self.time_s), self._shift()):
+        if self._guarded().prepare(ahead.lcs, self.task.x_ref(ahead, self.time_s), self._shift(),
+                                   self.task.step_bounds(ahead, ahead.x0)):
             self._ahead = ahead
 
     def input(self, state: Any, elapsed: float) -> Array:

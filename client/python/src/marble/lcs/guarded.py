@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final
 
 from marble.errors import Aborted, Cancelled, FailedPrecondition, Refused, ServerError, Unavailable
@@ -34,23 +34,23 @@ class GuardedPlanner:
         self._opened: Planner | None = None
         self._why = ""
 
-    def prepare(self, lcs: LCS, x_ref: Array, shift: int) -> bool:
+    def prepare(self, lcs: LCS, x_ref: Array, shift: int, bounds: Mapping[str, Array]) -> bool:
         """Planner.prepare; whether the next step is prepared."""
         if not self.planner.session.is_open:
             return False
         try:
-            self.planner.prepare(lcs=lcs, x_ref=x_ref, shift=shift)
+            self.planner.prepare(lcs=lcs, x_ref=x_ref, shift=shift, **bounds)
         except _WITHOUT_ANSWER:
             return False
         self._prepared = x_ref
         return True
 
     def step(self, lcs: LCS, x0: Array, x_ref: Array | None, last_u: Array | None, u: Array, shift: int,
-             seconds: float) -> tuple[Plan, str]:
+             seconds: float, bounds: Mapping[str, Array]) -> tuple[Plan, str]:
         """The plan of a step, and the error of its solve if there was no answer.
 
         x_ref: None of a prepared step. u: (N, nu), the last inputs, moved on, with which another session begins.
-        seconds: until the deadline, inf without one.
+        seconds: until the deadline, inf without one. bounds: x_lb and x_ub, if they change.
         """
         prepared, self._prepared = self._prepared, None
         is_other = self._take_opened()
@@ -58,9 +58,10 @@ class GuardedPlanner:
         deadline = None if math.isinf(seconds) else max(seconds, _LEAST_S)
         try:
             if prepared is not None and not is_other:
-                return planner.feedback(x0, last_u=last_u, deadline=deadline), ""
+                return planner.feedback(x0, last_u=last_u, deadline=deadline, **bounds), ""
             return planner.step(x0, lcs=lcs, x_ref=x_ref if prepared is None else prepared, last_u=last_u,
-                                u=u if is_other else None, shift=0 if is_other else shift, deadline=deadline), ""
+                                u=u if is_other else None, shift=0 if is_other else shift, deadline=deadline,
+                                **bounds), ""
         except (*_WITHOUT_ANSWER, FailedPrecondition) as error:
             if isinstance(error, FailedPrecondition) and planner.session.is_open:
                 raise

@@ -29,6 +29,8 @@ MAX_DIRECTIONS: Final = 998
 DEFAULT_MAX_GAP: Final = 0.1
 """m."""
 _SAME: Final = 1e-9  # of two rows, relative
+_BRAKING: Final = 4
+"""Stages in which a joint that moves beyond its limit may brake."""
 
 
 class ContactPair(NamedTuple):
@@ -70,6 +72,8 @@ class Linearization:
     """(nu,) Upper bounds; inf where the model has none."""
     _difference: Callable[[Array, Array], Array]
     _integrate: Callable[[Array, Array], Array]
+    joint_limits: tuple[Array, Array] | None = None
+    """Lower and upper limits (nv,) of δq, infinite where a joint has none; None unless joint_limits="bounds"."""
 
     @property
     def x0(self) -> Array:
@@ -84,6 +88,25 @@ class Linearization:
         """The configuration (nq,) and the velocity (nv,) of a state x (nx,)."""
         values = vector(x, "x", 2 * self.v.size)
         return self._integrate(self.q, values[:self.v.size]), values[self.v.size:]
+
+    def joint_bounds(self, x: ArrayLike, stages: int) -> tuple[Array, Array] | None:
+        """Lower and upper bounds (stages, nv) of δq in the stages 1 to N of a plan from x (nx,); None without limits.
+
+        They are the limits, relaxed where a joint is beyond one or would get there: in the first stages, to the way on
+        which it loses a fifth of its present speed in each; from there evenly to the limit in stage N, or, if N ≤ 4,
+        without a return. A joint whose input can brake it so and bring it back has a feasible plan.
+        """
+        if self.joint_limits is None:
+            return None
+        values, nv = vector(x, "x", 2 * self.v.size), self.v.size
+        k = np.arange(1, stages + 1)
+        braked = np.minimum(k, _BRAKING)
+        way = self.lcs.dt * (braked - braked * (braked + 1) / (2 * (_BRAKING + 1)))  # of a speed of 1
+        rest = np.where(k <= _BRAKING, 1.0, (stages - k) / max(stages - _BRAKING, 1))
+        reached = values[:nv] + np.outer(way, values[nv:])
+        lower, upper = self.joint_limits
+        below, above = np.maximum(lower - reached, 0.0), np.maximum(reached - upper, 0.0)
+        return lower - rest[:, None] * below, upper + rest[:, None] * above
 
     def __repr__(self) -> str:
         return f"<Linearization: {self.lcs!r}, {len(self.pairs)} contacts>"
@@ -114,6 +137,8 @@ class Settings:
     def of(cls, dt: Any, contact: Any, num_directions: Any, max_gap: Any, stiffness: Any,
            joint_limits: Any) -> Settings:
         """Raises InvalidArgument with the name of the option."""
+        if not isinstance(joint_limits, bool | np.bool_):
+            raise InvalidArgument("joint_limits", "must be True or False", value=repr(joint_limits))
         if not isinstance(contact, str) or contact not in CONTACT_MODELS:
             raise InvalidArgument("contact", f"must be one of {', '.join(CONTACT_MODELS)}", value=repr(contact))
         if not is_whole(num_directions, 2, MAX_DIRECTIONS) or num_directions % 2:

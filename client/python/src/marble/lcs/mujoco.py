@@ -54,17 +54,26 @@ class Linearizer:
     def __init__(self, model: Any, data: Any, *, dt: float | None = None, contact: str = "anitescu",
                  pairs: Sequence[Sequence[Any]] | None = None, max_gap: float = DEFAULT_MAX_GAP,
                  num_directions: int = 4, friction: ArrayLike | None = None, stiffness: float | None = None,
-                 joint_limits: bool = False, ignore: Sequence[str] = ()) -> None:
+                 joint_limits: bool | str = False, ignore: Sequence[str] = ()) -> None:
         if not isinstance(model, mj.MjModel):
             raise InvalidArgument("model", "must be a mujoco.MjModel", value=type(model).__name__)
+        has_bounds = isinstance(joint_limits, str)
+        if has_bounds and joint_limits not in ("pairs", "bounds"):
+            raise InvalidArgument("joint_limits", 'must be False, True, "pairs" or "bounds"', value=repr(joint_limits))
+        has_bounds = has_bounds and joint_limits == "bounds"
         self._settings = Settings.of(model.opt.timestep if dt is None else dt, contact, num_directions, max_gap,
-                                     stiffness, joint_limits)
+                                     stiffness, joint_limits if not isinstance(joint_limits, str) else not has_bounds)
         _check_supported(model, ignore)
         self._model = copy.copy(model)
         self._set_smooth()
         self._data = mj.MjData(self._model)
         self._shapes = [_shape(model, geom) for geom in range(model.ngeom)]
-        self._limits = _limited_joints(model) if joint_limits else []
+        self._limits = _limited_joints(model) if joint_limits and not has_bounds else []
+        self._bounds = _limited_joints(model) if has_bounds else None
+        for joint, side in self._bounds or ():
+            if side == "angle":
+                raise InvalidArgument("model.jnt_limited", 'must be 0 for a ball joint: joint_limits="bounds" has those '
+                                      "of hinges and slides", index=joint, value=1)
         m = self._model
         pattern: Any = m if hasattr(m, "D_rownnz") else self._data  # of qDeriv; MuJoCo 3 has it in the data
         self._rows, self._columns = np.repeat(np.arange(m.nv), pattern.D_rownnz), pattern.D_colind.copy()
@@ -118,7 +127,7 @@ class Linearizer:
         smooth, contacts, gaps = self._smooth(q, v, ctrl)
         lcs = self._settings.system(smooth, contacts, self._states, self._inputs, self._labels)
         return Linearization(lcs, q, v, ctrl, self.pairs, gaps, smooth, self._u_min, self._u_max,
-                             functools.partial(_difference, m), functools.partial(_integrate, m))
+                             functools.partial(_difference, m), functools.partial(_integrate, m), self._joint_bounds(q))
 
     def _set_smooth(self) -> None:
         """No constraints, and no limits of inputs and forces: these are the controller's."""
@@ -209,6 +218,16 @@ class Linearizer:
         for at in self._rotations:
             made[at:at + 3, at:at + 3] = rotation.transport(self._settings.dt * v[at:at + 3])
         return made
+
+    def _joint_bounds(self, q: Array) -> tuple[Array, Array] | None:
+        if self._bounds is None:
+            return None
+        m = self._model
+        lower, upper = np.full(m.nv, -np.inf), np.full(m.nv, np.inf)
+        for joint, side in self._bounds:
+            made, sign, limit = (lower, 1, m.jnt_range[joint, 0]) if side == "lower" else (upper, -1, m.jnt_range[joint, 1])
+            made[m.jnt_dofadr[joint]] = limit + sign * m.jnt_margin[joint] - q[m.jnt_qposadr[joint]]
+        return lower, upper
 
     def _limit(self, joint: int, side: str) -> Contact:
         m, row = self._model, np.zeros(self._model.nv)
@@ -309,9 +328,10 @@ def linearize(model: Any, data: Any, *, u: ArrayLike | None = None, **options: A
     friction is modelled. stiffness: N/m, of the springs of "soft".
 
     pairs: the contacts, as (geom, geom) or (geom, geom, feature), geoms by name or id. Without it all features of all
-    geoms that MuJoCo may let collide and whose gap in data is at most max_gap, in m. joint_limits: adds the limits of
-    joints as pairs, after those of the contacts: two of a hinge or a slide, one of a ball. A controller may rather
-    bound its states.
+    geoms that MuJoCo may let collide and whose gap in data is at most max_gap, in m. joint_limits: True or "pairs"
+    adds the limits of joints as pairs, after those of the contacts: two of a hinge or a slide, one of a ball. "bounds"
+    adds no pairs, but `Linearization.joint_bounds`, of hinges and slides: a plan then keeps the limits by its inputs and
+    contacts alone, and cannot lean on them. It costs less to solve.
 
     ignore: parts of the model to leave out: "equality", "frictionloss", "tendon_limits". Otherwise they are errors, as
     actuators with activations are.

@@ -122,8 +122,9 @@ class Planner:
     the discrete algebraic Riccati equation of the last stage. R_change (nu, nu): None: none. regularization: ≥ 0, makes
     λ unique where contact forces are not.
     x_ref: (nx,), or (N + 1, nx) with one per stage; None: zeros. u_ref: (nu,), or (N, nu).
-    x_lb, x_ub (of the states 1 to N), u_lb, u_ub, max_u_change (of |u_k − u_{k−1}|, ≥ 0): one number for all entries,
-    or (nx,) or (nu,); infinite where there is no bound; None: none.
+    x_lb, x_ub (of the states 1 to N), u_lb, u_ub: one number for all entries, (nx,) or (nu,), or (N, nx) or (N, nu) with
+    one per stage; infinite where there is no bound, which is in all stages or in none; None: none. max_u_change (of
+    |u_k − u_{k−1}|, ≥ 0): one number or (nu,).
     server: as in marble.solve; a Client stays open. reopen: as in Client.session. options: of the solver, by name;
     effort=0 shortens the first step, a cold solve.
 
@@ -150,9 +151,8 @@ class Planner:
                 "R": self._per_stage(R, "R", (nu, nu), self.stages),
                 "P": None if P is None else _shaped(P, "P", (nx, nx)),
                 "R_change": None if R_change is None else _shaped(R_change, "R_change", (nu, nu)),
-                **self._targets(x_ref, u_ref), "x_lb": _limits(x_lb, "x_lb", nx), "x_ub": _limits(x_ub, "x_ub", nx),
-                "u_lb": _limits(u_lb, "u_lb", nu), "u_ub": _limits(u_ub, "u_ub", nu),
-                "max_u_change": _limits(max_u_change, "max_u_change", nu)}
+                **self._targets(x_ref, u_ref), **self._limits(x_lb, x_ub, u_lb, u_ub),
+                "max_u_change": None if max_u_change is None else one_each(max_u_change, "max_u_change", nu)}
         given = {**(options or {}), **more_options}
         module = native()
         with core_errors():
@@ -173,18 +173,22 @@ class Planner:
 
     def step(self, x0: ArrayLike, *, lcs: LCS | None = None, x_ref: ArrayLike | None = None,
              u_ref: ArrayLike | None = None, last_u: ArrayLike | None = None, u: ArrayLike | None = None,
-             shift: int = 1, deadline: float | None = None, **options: Any) -> Plan:
+             shift: int = 1, x_lb: ArrayLike | None = None, x_ub: ArrayLike | None = None,
+             u_lb: ArrayLike | None = None, u_ub: ArrayLike | None = None, deadline: float | None = None,
+             **options: Any) -> Plan:
         """One control step: sends the new numbers, and returns the plan.
 
         x0: (nx,), the measured state. lcs: a system of the same sizes; None: as before. x_ref, u_ref: as in Planner;
         None: as before. last_u: (nu,), the input before stage 0; None: that of the last plan before its new start,
         zeros before the first plan. u: (N, nu), inputs to roll out instead of the last plan's. shift: stages by which
-        the last plan moves on first, in [0, N]. deadline: seconds after which the solve is given up; the plan is a
-        roll-out then. options: of the solver, by name, from here on.
+        the last plan moves on first, in [0, N]. x_lb, x_ub, u_lb, u_ub: as in Planner, finite exactly where Planner's are,
+        as the pattern is fixed; they belong to the stages of this step, and do not move on with the plan; None: as
+        before. deadline: seconds after which the solve is given up; the plan is a roll-out then. options: of the
+        solver, by name, from here on.
         """
         begun = time.perf_counter()
         changes, start, shifted = self._begin(lcs, vector(x0, "x0", self.nx, " (nx)"), x_ref, u_ref, last_u, u, shift,
-                                              False)
+                                              False, self._limits(x_lb, x_ub, u_lb, u_ub))
         try:
             with _overflow_of("x0"):
                 solution = self._session.update(**changes, z0=start, shift=shifted, deadline=deadline, **options)
@@ -196,12 +200,15 @@ class Planner:
         return self._finish(solution.status, solution, solution.detail, begun)
 
     def prepare(self, *, lcs: LCS | None = None, x_ref: ArrayLike | None = None, u_ref: ArrayLike | None = None,
-                u: ArrayLike | None = None, shift: int = 1, **options: Any) -> None:
+                u: ArrayLike | None = None, shift: int = 1, x_lb: ArrayLike | None = None,
+                x_ub: ArrayLike | None = None, u_lb: ArrayLike | None = None, u_ub: ArrayLike | None = None,
+                **options: Any) -> None:
         """The preparation phase of a step: all that is known before the state is measured, as in step.
 
         Returns once it is sent. The solver prepares for the state that the last plan predicts.
         """
-        changes, start, shifted = self._begin(lcs, None, x_ref, u_ref, None, u, shift, True)
+        changes, start, shifted = self._begin(lcs, None, x_ref, u_ref, None, u, shift, True,
+                                              self._limits(x_lb, x_ub, u_lb, u_ub))
         try:
             with _overflow_of("x_ref"):
                 self._session.prepare(**changes, z0=start, shift=shifted, **options)
@@ -209,9 +216,10 @@ class Planner:
             self._planner.resend()
             raise
 
-    def feedback(self, x0: ArrayLike, *, last_u: ArrayLike | None = None, deadline: float | None = None) -> Plan:
+    def feedback(self, x0: ArrayLike, *, last_u: ArrayLike | None = None, x_lb: ArrayLike | None = None,
+                 x_ub: ArrayLike | None = None, deadline: float | None = None) -> Plan:
         """The feedback phase, after prepare: the plan for the measured state. Arguments as in step."""
-        return self.step(x0, last_u=last_u, deadline=deadline)
+        return self.step(x0, last_u=last_u, x_lb=x_lb, x_ub=x_ub, deadline=deadline)
 
     def fall_back(self, reason: str) -> Plan:
         """The plan of a step that has raised an error because no server answered: its start, rolled out.
@@ -230,8 +238,8 @@ class Planner:
         return self._session
 
     def _begin(self, lcs: LCS | None, x0: Array | None, x_ref: ArrayLike | None, u_ref: ArrayLike | None,
-               last_u: ArrayLike | None, u: ArrayLike | None, shift: int,
-               prepares: bool) -> tuple[dict[str, Any], Any, Shift | None]:
+               last_u: ArrayLike | None, u: ArrayLike | None, shift: int, prepares: bool,
+               limits: dict[str, Array | None]) -> tuple[dict[str, Any], Any, Shift | None]:
         if lcs is not None:
             _check_system(lcs)
             self._check_stages(lcs, "lcs.stages")
@@ -242,7 +250,7 @@ class Planner:
         guess = None if u is None else _shaped(u, "u", (self.stages, self.nu))
         with core_errors():
             changes, start, by = self._planner.begin(lcs, x0, targets["x_ref"], targets["u_ref"], before, guess,
-                                                     int(shift), prepares)
+                                                     int(shift), prepares, *limits.values())
         made = {name: value if name == "c0" else np.asarray(value) for name, value in changes.items()}
         for name in ("A", "R"):
             old = getattr(self.problem, name)
@@ -274,6 +282,18 @@ class Planner:
     def _targets(self, x_ref: ArrayLike | None, u_ref: ArrayLike | None) -> dict[str, Array | None]:
         return {"x_ref": None if x_ref is None else self._per_stage(x_ref, "x_ref", (self.nx,), self.stages + 1),
                 "u_ref": None if u_ref is None else self._per_stage(u_ref, "u_ref", (self.nu,), self.stages)}
+
+    def _limits(self, x_lb: ArrayLike | None, x_ub: ArrayLike | None, u_lb: ArrayLike | None,
+                u_ub: ArrayLike | None) -> dict[str, Array | None]:
+        given = {"x_lb": (x_lb, self.nx), "x_ub": (x_ub, self.nx), "u_lb": (u_lb, self.nu), "u_ub": (u_ub, self.nu)}
+        return {name: self._limit(values, name, size) for name, (values, size) in given.items()}
+
+    def _limit(self, values: ArrayLike | None, field: str, size: int) -> Array | None:
+        if values is None:
+            return None
+        if np.ndim(values) == 0:
+            return one_each(values, field, size)
+        return self._per_stage(values, field, (size,), self.stages)
 
     @staticmethod
     def _per_stage(values: ArrayLike, field: str, shape: tuple[int, ...], count: int) -> Array:
@@ -325,7 +345,3 @@ def _shaped(values: ArrayLike, field: str, shape: tuple[int, ...]) -> Array:
         wanted = str(shape).replace("-1", "N")
         raise InvalidArgument(field, f"must have the shape {wanted}", value=f"of shape {array.shape}")
     return np.ascontiguousarray(array)
-
-
-def _limits(values: ArrayLike | None, field: str, size: int) -> Array | None:
-    return None if values is None else one_each(values, field, size)

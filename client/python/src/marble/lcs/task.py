@@ -34,8 +34,9 @@ class Task:
     target: the configuration q (nq,) and the velocity v (nv,) to reach, each also with a leading axis N + 1, one per
     stage; or a function that returns them, of the linearization at the present state and of the seconds since the first
     step, in the time of the loop: steps / rate.
-    v_lb, v_ub: bounds of the velocities, one number or (nv,); infinite where there is none. Bounds of joints are pairs:
-    contacts={"joint_limits": True}.
+    v_lb, v_ub: bounds of the velocities, one number or (nv,); infinite where there is none. Limits of joints are pairs
+    with contacts={"joint_limits": True}; of MuJoCo models they are bounds of the plan's configurations with
+    contacts={"joint_limits": "bounds"}, relaxed as Linearization.joint_bounds does it.
     contacts: options of marble.lcs.linearizer besides dt: contact, pairs, num_directions, friction, ….
     shift: stages by which the last plan moves on at each step, in [0, N]; None: as many as have ended since the last
     step, by the time of the loop.
@@ -106,15 +107,29 @@ class Task:
 
     def planner_arguments(self, now: Linearization) -> dict[str, Any]:
         """The keyword arguments of Planner for a model, of which `now` is a linearization."""
-        nv = now.v.size
         made = {name: getattr(self, name) for name in ("Q", "R", "P", "R_change", "regularization", "u_ref",
                                                        "max_u_change")}
         made["u_lb"] = now.u_min if self.u_lb is None else self.u_lb
         made["u_ub"] = now.u_max if self.u_ub is None else self.u_ub
-        for name, free in (("lb", -np.inf), ("ub", np.inf)):
+        return {**made, **self._state_bounds(now, now.x0)}
+
+    def step_bounds(self, now: Linearization, x: Array) -> dict[str, Array]:
+        """Those of Planner.step in a step at x (nx,): x_lb and x_ub, if they change from step to step."""
+        return {} if now.joint_limits is None else self._state_bounds(now, x)
+
+    def _state_bounds(self, now: Linearization, x: Array) -> dict[str, Array]:
+        made, nv, stages = {}, now.v.size, int(self.stages)
+        of_joints = now.joint_bounds(x, stages) or (None, None)
+        for name, free, of_q in (("lb", -np.inf, of_joints[0]), ("ub", np.inf, of_joints[1])):
             given = getattr(self, f"v_{name}")
+            if given is None and of_q is None:
+                continue
+            bound = np.full(2 * nv if of_q is None else (stages, 2 * nv), free)
+            if of_q is not None:
+                bound[:, :nv] = of_q
             if given is not None:
-                made[f"x_{name}"] = np.concatenate([np.full(nv, free), one_each(given, f"v_{name}", nv)])
+                bound[..., nv:] = one_each(given, f"v_{name}", nv)
+            made[f"x_{name}"] = bound
         return made
 
     def input_bounds(self, now: Linearization) -> tuple[Array, Array]:
