@@ -201,6 +201,18 @@ class ContactSteps(unittest.TestCase):
             np.testing.assert_allclose(ours[0], theirs[0], atol=1e-6)
         self.assertEqual(marble.lcs.linearize(model, data).lcs.nl, 0)
 
+    def test_limits_of_joints_are_bounds_in_coordinates_of_the_linearization(self):
+        h = 1e-2
+        model = mujoco.MjModel.from_xml_string(PENDULUM.format(h=h, b=1 / h))
+        data = moved(model, [0.1], [0.0], [0.2])
+        here = marble.lcs.linearize(model, data, joint_limits="bounds")
+        self.assertEqual(here.lcs.nl, 0)
+        low, high = model.jnt_range[0] + model.jnt_margin[0] * np.array([1, -1]) - 0.1
+        np.testing.assert_allclose(np.ravel(here.joint_limits), [low, high])
+        np.testing.assert_allclose(here.joint_bounds(here.x0, 2), [[[low]] * 2, [[high]] * 2])
+        self.assertIsNone(marble.lcs.linearize(model, data, joint_limits="pairs").joint_limits)
+        self.assertIsNone(marble.lcs.linearize(model, data).joint_bounds(np.zeros(2), 2))
+
     def test_the_limit_of_a_ball_joint_is_a_cone(self):
         h = 1e-4
         model = mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="{h}" gravity="0 0 0"/><worldbody>
@@ -391,6 +403,8 @@ class Errors(unittest.TestCase):
         self.check("pairs is 'floor'", pairs="floor")
         self.check(r"u is 2 entries: must have 1 entries", u=[1, 2])
         self.check(r"ignore\[0\] is 'all'", ignore=["all"])
+        self.check("joint_limits is 'soft': must be False, True, \"pairs\" or \"bounds\"", joint_limits="soft")
+        self.check("joint_limits is 2: must be True or False", joint_limits=2)
         self.check("data is str: must be a mujoco.MjData", data="data")
         self.check(r"data.qpos is 2 entries: must have 7",
                    data=moved(mujoco.MjModel.from_xml_string(CHAIN)))

@@ -241,6 +241,22 @@ def test_a_start_that_violates_state_bounds_is_reported():
         assert not none.feasible and none.violations.inequality > 0.1
 
 
+def test_limits_may_differ_by_stage_and_change_from_step_to_step(where):
+    slow = with_entry(np.full(4, -np.inf), 2, -5.0)
+    with Planner(cart_pole(), 10, **COSTS, x_lb=slow, u_lb=-50, u_ub=50, server=where) as planner:
+        loose = planner.step(START)
+        for step in range(3):
+            x_lb = with_entry(np.tile(slow, (10, 1)), (slice(None), 2), 0.85 - 0.01 * step - 0.05 * np.arange(10))
+            u_ub = 20.0 + np.arange(10.0)[:, None]
+            plan = planner.step(START, x_lb=x_lb, u_lb=-20.0, u_ub=u_ub, shift=0)
+            assert plan.feasible and plan.status is Status.SOLVED and plan.objective > loose.objective
+            assert (plan.x[1:] - x_lb).min() > -1e-6 and (u_ub - plan.u).min() > -1e-6 and plan.u.min() > -20 - 1e-6
+        planner.prepare(x_lb=slow, u_lb=-50, u_ub=50, shift=0)
+        assert planner.feedback(START).objective == pytest.approx(loose.objective, rel=1e-6)
+        with pytest.raises(InvalidArgument, match=r"x_ub\[0\] is 1: must be infinite, as at the beginning"):
+            planner.feedback(START, x_ub=[1.0, np.inf, np.inf, np.inf])
+
+
 def test_systems_of_one_row_keep_their_form(where):
     one = LCS([[1.0]], [[0.1]], [[0.0]], [0.0], [[1.0]], [[1.0]], [[0.0]], [0.5])
     with Planner(one, 1, Q=[[1]], R=[[1]], P=[[1]], server=where) as planner:
@@ -265,6 +281,7 @@ def test_a_system_without_pairs_is_a_quadratic_program():
     ({"Q": np.full((4, 4), np.nan)}, r"Q\[0\] is nan"), ({"R": [[0.0]]}, "R is not positive definite"),
     ({"P": np.zeros(4)}, "P is of shape"), ({"regularization": -1}, "regularization is -1"),
     ({"u_lb": 1, "u_ub": 0}, r"u_ub\[0\] is 0: must be >= u_lb, 1"), ({"x_lb": [0, 0]}, r"x_lb is of shape \(2,\)"),
+    ({"u_ub": with_entry(np.ones((10, 1)), (3, 0), np.inf)}, r"u_ub\[3\]\[0\] is inf: must be finite in all stages"),
     ({"max_u_change": -1}, r"max_u_change\[0\] is -1"), ({"x_ref": np.zeros((10, 4))}, r"x_ref is of shape \(10, 4\)"),
     ({"u_ub": np.nan}, r"u_ub\[0\] is nan"), ({"lcs": cart_pole(d=np.zeros((3, 4)))}, "must be 3, as many"),
     ({"lcs": None}, "must be a marble.lcs.LCS"), ({"speed": 3}, "speed"),
@@ -280,6 +297,9 @@ def test_a_bad_step_is_named_and_changes_nothing():
         for changes, words in [({"x0": START[:2]}, "x0 is 2 entries"), ({"x0": [0, 0, np.inf, 0]}, r"x0\[2\] is inf"),
                                ({"x_ref": np.zeros((5, 4))}, "x_ref is of shape"),
                                ({"u": np.zeros(5)}, "u is of shape"),
+                               ({"x_lb": 0}, r"x_lb\[0\] is 0: must be infinite, as at the beginning"),
+                               ({"x_lb": [0, 0]}, r"x_lb is of shape \(2,\): must have the shape \(4,\) or \(5, 4\)"),
+                               ({"u_ub": np.full((5, 1), np.nan)}, r"u_ub\[0\]\[0\] is nan: must be a number"),
                                ({"last_u": [1, 2]}, "last_u is 2 entries"), ({"shift": 7}, "shift is 7"),
                                ({"shift": 1.5}, "whole number"), ({"lcs": cart_pole(d=np.zeros((3, 4)))}, "lcs.stages"),
                                ({"lcs": LCS([[1]], [[1]], [[1]], [1], [[1]], [[1]], [[1]], [1])}, "lcs.states is 1")]:

@@ -40,8 +40,9 @@ def cart_pole(offset=(0.0, 0.0)) -> LCS:
 class CartPole:
     """A model that is linear in each branch, so that its linearizations are exact everywhere."""
 
-    def __init__(self, seen=None):
+    def __init__(self, seen=None, limits=None):
         self.seen = seen if seen is not None else []
+        self.limits = limits  # lower and upper ones of q
 
     def __call__(self, state, u=None):
         return self.at(state, *state, u)
@@ -55,7 +56,8 @@ class CartPole:
         smooth = SmoothDynamics(np.eye(2), none, np.zeros(2), none, none, np.array([[2.0], [0]]), v, np.zeros(1),
                                 np.eye(2))
         return Linearization(cart_pole(q), q, v, np.zeros(1) if u is None else u, (), np.zeros(0), smooth,
-                             np.array([-MAX_FORCE]), np.array([MAX_FORCE]), lambda a, b: b - a, lambda a, b: a + b)
+                             np.array([-MAX_FORCE]), np.array([MAX_FORCE]), lambda a, b: b - a, lambda a, b: a + b,
+                             None if self.limits is None else tuple(limit - q for limit in self.limits))
 
     def measure(self, state):
         return state
@@ -191,6 +193,46 @@ def test_velocities_keep_their_bounds():
         steps, _ = closed_loop(controller, 60)
     assert all(step.plan.feasible for step in steps)
     assert max(step.plan.x[1:, 2].max() for step in steps) <= 1.0 + 1e-6
+
+
+LIMITS = np.array([-np.inf, -np.inf]), np.array([0.35, np.inf])
+
+
+@pytest.mark.parametrize("prepares", [False, True])
+def test_joints_keep_their_limits_and_come_back_from_beyond(where, prepares):
+    wide = {"Q": np.diag([0.1, 2, 1, 1]), "v_ub": [50.0, np.inf], "u_lb": -40, "u_ub": 40}
+    with Controller(CartPole(), task(**wide), state=START, server=where) as controller:
+        free, _ = closed_loop(controller, 30)
+    assert max(step.linearization.configuration(step.plan.x[-1])[0][0] for step in free) > 0.35 + 1e-3
+    within, beyond = ([0.3, 0.3], [0.5, 0.5]), ([0.355, 0.3], [0.2, 0.5])
+    for state in (within, beyond):
+        with Controller(CartPole(limits=LIMITS), task(**wide), state=state, server=where) as controller:
+            steps, last = closed_loop(controller, 30, prepares, state)
+        assert all(step.plan.feasible for step in steps), controller.statistics.last_detail
+        for step in steps:
+            q = np.array([step.linearization.configuration(x)[0] for x in step.plan.x])
+            upper = step.linearization.joint_bounds(step.plan.x[0], 10)[1][:, 0] + step.linearization.q[0]
+            assert (q[1:, 0] <= upper + 1e-6).all()
+        assert last[0][0] <= 0.35 + 1e-3
+
+
+def test_bounds_of_joints_are_the_limits_or_the_way_of_a_joint_that_brakes():
+    def bounds(q, v, stages=10):
+        now = CartPole(limits=LIMITS).at(None, q, [v, 0.0])
+        lower, upper = now.joint_bounds(now.x0, stages)
+        assert np.isneginf(lower).all() and np.isposinf(upper[:, 1]).all()
+        return upper[:, 0] + q[0]
+
+    np.testing.assert_allclose(bounds([0.3, 0], 1.0), 0.35)
+    np.testing.assert_allclose(bounds([0.36, 0], 0.0), 0.35 + 0.01 * np.array([1] * 5 + [0.98, 0.92, 0.82, 0.68, 0.5]))
+    way = 0.345 + H * np.cumsum([1, 0.8, 0.6, 0.4, 0.2])
+    np.testing.assert_allclose(bounds([0.345, 0], 1.0)[:5], np.maximum(way, 0.35))
+    assert bounds([0.345, 0], 1.0)[9] == pytest.approx((0.35 + way[-1]) / 2)
+    np.testing.assert_allclose(bounds([0.36, 0], 1.0, 1), 0.37)
+    now = CartPole().at(None, [0, 0], [0, 0])
+    assert now.joint_bounds(now.x0, 3) is None
+    with pytest.raises(InvalidArgument, match="x is 3 entries"):
+        CartPole(limits=LIMITS).at(None, [0, 0], [0, 0]).joint_bounds([0, 0, 0], 3)
 
 
 # ---------------------------------------------------------------- between two steps

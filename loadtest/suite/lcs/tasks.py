@@ -149,7 +149,9 @@ def pivot(contact):
         lambda _, data: np.abs(data.qpos[:3]).max() > 2.5)
 
 
-def hopper(name, contact="anitescu", speed=0.0, push=0.0, seconds=3.0, limits=False):
+def hopper(name, contact="anitescu", speed=0.0, push=0.0, seconds=3.0, limits="bounds"):
+    """limits: joint_limits of marble.lcs.linearizer; as bounds they are Marble's alone: C3 and C3+ plan without them."""
+
     def scenario(_, random):
         q = np.array([0, 1.25, 0, 0, 0, 0]) + spread(random, 6, 1.0) * [0, 0, 0.05, 0.1, 0.1, 0.1]
         q[1] += spread(random, 1, 0.02)[0]
@@ -199,7 +201,7 @@ def upright(data):
 TASKS = {task.name: task for task in [
     cart_pole(10), cart_pole(30), push_box("anitescu"), push_box("stewart_trinkle"),
     push_t("anitescu"), push_t("stewart_trinkle"), pivot("anitescu"), pivot("stewart_trinkle"),
-    hopper("hopper_stand"), hopper("hopper_stand_st", "stewart_trinkle"), hopper("hopper_limits", limits=True),
+    hopper("hopper_stand"), hopper("hopper_stand_st", "stewart_trinkle"), hopper("hopper_limits", limits="pairs"),
     hopper("hopper_push", push=40.0),
     hopper("hopper_walk", speed=0.3, seconds=10.0), hopper("hopper_run", speed=1.0, seconds=10.0),
     quadruped("quadruped_push", 10.0, drop=0.02), quadruped("quadruped_shove", 20.0, drop=0.02)]}

@@ -29,8 +29,6 @@ MAX_DIRECTIONS: Final = 998
 DEFAULT_MAX_GAP: Final = 0.1
 """m."""
 _SAME: Final = 1e-9  # of two rows, relative
-_BRAKING: Final = 4
-"""Stages in which a joint that moves beyond its limit may brake."""
 
 
 class ContactPair(NamedTuple):
@@ -92,17 +90,18 @@ class Linearization:
     def joint_bounds(self, x: ArrayLike, stages: int) -> tuple[Array, Array] | None:
         """Lower and upper bounds (stages, nv) of δq in the stages 1 to N of a plan from x (nx,); None without limits.
 
-        They are the limits, relaxed where a joint is beyond one or would get there: in the first stages, to the way on
-        which it loses a fifth of its present speed in each; from there evenly to the limit in stage N, or, if N ≤ 4,
-        without a return. A joint whose input can brake it so and bring it back has a feasible plan.
+        They are the limits, relaxed where a joint is beyond one or would get there: in the first half of the stages, to
+        the way on which its present speed falls evenly to zero; in the second half, with even acceleration, half the way
+        back to the limit. A plan is feasible if the joint can be braked so and brought back; if not, it may not be.
         """
         if self.joint_limits is None:
             return None
         values, nv = vector(x, "x", 2 * self.v.size), self.v.size
         k = np.arange(1, stages + 1)
-        braked = np.minimum(k, _BRAKING)
-        way = self.lcs.dt * (braked - braked * (braked + 1) / (2 * (_BRAKING + 1)))  # of a speed of 1
-        rest = np.where(k <= _BRAKING, 1.0, (stages - k) / max(stages - _BRAKING, 1))
+        half = (stages + 1) // 2
+        braked = np.minimum(k, half)
+        way = (self.lcs.dt or 0.0) * (braked - braked * (braked - 1) / (2 * half))  # of a speed of 1
+        rest = 1 - 0.5 * (np.maximum(k - half, 0) / max(stages - half, 1)) ** 2
         reached = values[:nv] + np.outer(way, values[nv:])
         lower, upper = self.joint_limits
         below, above = np.maximum(lower - reached, 0.0), np.maximum(reached - upper, 0.0)
@@ -137,8 +136,6 @@ class Settings:
     def of(cls, dt: Any, contact: Any, num_directions: Any, max_gap: Any, stiffness: Any,
            joint_limits: Any) -> Settings:
         """Raises InvalidArgument with the name of the option."""
-        if not isinstance(joint_limits, bool | np.bool_):
-            raise InvalidArgument("joint_limits", "must be True or False", value=repr(joint_limits))
         if not isinstance(contact, str) or contact not in CONTACT_MODELS:
             raise InvalidArgument("contact", f"must be one of {', '.join(CONTACT_MODELS)}", value=repr(contact))
         if not is_whole(num_directions, 2, MAX_DIRECTIONS) or num_directions % 2:
