@@ -221,6 +221,8 @@ class ContactSteps(unittest.TestCase):
           <actuator><motor joint="ball" gear="1 0 0"/></actuator></mujoco>""")
         axis, half = np.array([0.6, 0, 0.8]), np.radians(30.00001)
         data = moved(model, [np.cos(half), *(np.sin(half) * axis)], [1, 2, 3], [0])
+        with self.assertRaisesRegex(marble.InvalidArgument, r"model.jnt_limited\[0\] is 1: must be 0 for a ball joint"):
+            marble.lcs.linearize(model, data, joint_limits="bounds")
         ours, theirs, force = both_steps(model, data, joint_limits=True)
         self.assertGreater(force[0], 0)
         np.testing.assert_allclose(ours[1], theirs[1], atol=1e-3)

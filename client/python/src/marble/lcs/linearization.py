@@ -91,8 +91,8 @@ class Linearization:
         """Lower and upper bounds (stages, nv) of δq in the stages 1 to N of a plan from x (nx,); None without limits.
 
         They are the limits, relaxed where a joint is beyond one or would get there: in the first half of the stages, to
-        the way on which its present speed falls evenly to zero; in the second half, with even acceleration, half the way
-        back to the limit. A plan is feasible if the joint can be braked so and brought back; if not, it may not be.
+        the way on which its present speed falls evenly to zero; in the second half, with even acceleration, half the
+        way back to the limit. A plan is feasible if the joint can be braked so and brought back; if not, it may not be.
         """
         if self.joint_limits is None:
             return None

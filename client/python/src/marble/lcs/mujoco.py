@@ -57,10 +57,9 @@ class Linearizer:
                  joint_limits: bool | str = False, ignore: Sequence[str] = ()) -> None:
         if not isinstance(model, mj.MjModel):
             raise InvalidArgument("model", "must be a mujoco.MjModel", value=type(model).__name__)
-        has_bounds = isinstance(joint_limits, str)
-        if has_bounds and joint_limits not in ("pairs", "bounds"):
+        if isinstance(joint_limits, str) and joint_limits not in ("pairs", "bounds"):
             raise InvalidArgument("joint_limits", 'must be False, True, "pairs" or "bounds"', value=repr(joint_limits))
-        has_bounds = has_bounds and joint_limits == "bounds"
+        has_bounds = joint_limits == "bounds"
         self._settings = Settings.of(model.opt.timestep if dt is None else dt, contact, num_directions, max_gap,
                                      stiffness, joint_limits if not isinstance(joint_limits, str) else not has_bounds)
         _check_supported(model, ignore)
@@ -72,8 +71,8 @@ class Linearizer:
         self._bounds = _limited_joints(model) if has_bounds else None
         for joint, side in self._bounds or ():
             if side == "angle":
-                raise InvalidArgument("model.jnt_limited", 'must be 0 for a ball joint: joint_limits="bounds" has those '
-                                      "of hinges and slides", index=joint, value=1)
+                raise InvalidArgument("model.jnt_limited", "must be 0 for a ball joint: bounds are those of hinges and "
+                                      "slides", index=joint, value=1)
         m = self._model
         pattern: Any = m if hasattr(m, "D_rownnz") else self._data  # of qDeriv; MuJoCo 3 has it in the data
         self._rows, self._columns = np.repeat(np.arange(m.nv), pattern.D_rownnz), pattern.D_colind.copy()
@@ -225,8 +224,9 @@ class Linearizer:
         m = self._model
         lower, upper = np.full(m.nv, -np.inf), np.full(m.nv, np.inf)
         for joint, side in self._bounds:
-            made, sign, limit = (lower, 1, m.jnt_range[joint, 0]) if side == "lower" else (upper, -1, m.jnt_range[joint, 1])
-            made[m.jnt_dofadr[joint]] = limit + sign * m.jnt_margin[joint] - q[m.jnt_qposadr[joint]]
+            (low, high), margin, at = m.jnt_range[joint], m.jnt_margin[joint], m.jnt_dofadr[joint]
+            made, limit = (lower, low + margin) if side == "lower" else (upper, high - margin)
+            made[at] = limit - q[m.jnt_qposadr[joint]]
         return lower, upper
 
     def _limit(self, joint: int, side: str) -> Contact:
@@ -330,8 +330,8 @@ def linearize(model: Any, data: Any, *, u: ArrayLike | None = None, **options: A
     pairs: the contacts, as (geom, geom) or (geom, geom, feature), geoms by name or id. Without it all features of all
     geoms that MuJoCo may let collide and whose gap in data is at most max_gap, in m. joint_limits: True or "pairs"
     adds the limits of joints as pairs, after those of the contacts: two of a hinge or a slide, one of a ball. "bounds"
-    adds no pairs, but `Linearization.joint_bounds`, of hinges and slides: a plan then keeps the limits by its inputs and
-    contacts alone, and cannot lean on them. It costs less to solve.
+    adds no pairs, but `Linearization.joint_bounds`, of hinges and slides: a plan then keeps the limits by its inputs
+    and contacts alone, and cannot lean on them. It costs less to solve.
 
     ignore: parts of the model to leave out: "equality", "frictionloss", "tendon_limits". Otherwise they are errors, as
     actuators with activations are.

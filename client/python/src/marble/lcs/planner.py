@@ -122,9 +122,9 @@ class Planner:
     the discrete algebraic Riccati equation of the last stage. R_change (nu, nu): None: none. regularization: ≥ 0, makes
     λ unique where contact forces are not.
     x_ref: (nx,), or (N + 1, nx) with one per stage; None: zeros. u_ref: (nu,), or (N, nu).
-    x_lb, x_ub (of the states 1 to N), u_lb, u_ub: one number for all entries, (nx,) or (nu,), or (N, nx) or (N, nu) with
-    one per stage; infinite where there is no bound, which is in all stages or in none; None: none. max_u_change (of
-    |u_k − u_{k−1}|, ≥ 0): one number or (nu,).
+    x_lb, x_ub (of the states 1 to N), u_lb, u_ub: one number for all entries, (nx,) or (nu,), or (N, nx) or (N, nu)
+    with one per stage; infinite where there is no bound, which is in all stages or in none; None: none. max_u_change
+    (of |u_k − u_{k−1}|, ≥ 0): one number or (nu,).
     server: as in marble.solve; a Client stays open. reopen: as in Client.session. options: of the solver, by name;
     effort=0 shortens the first step, a cold solve.
 
@@ -181,8 +181,8 @@ class Planner:
         x0: (nx,), the measured state. lcs: a system of the same sizes; None: as before. x_ref, u_ref: as in Planner;
         None: as before. last_u: (nu,), the input before stage 0; None: that of the last plan before its new start,
         zeros before the first plan. u: (N, nu), inputs to roll out instead of the last plan's. shift: stages by which
-        the last plan moves on first, in [0, N]. x_lb, x_ub, u_lb, u_ub: as in Planner, finite exactly where Planner's are,
-        as the pattern is fixed; they belong to the stages of this step, and do not move on with the plan; None: as
+        the last plan moves on first, in [0, N]. x_lb, x_ub, u_lb, u_ub: as in Planner, finite exactly where Planner's
+        are, as the pattern is fixed; they belong to the stages of this step, and do not move on with the plan; None: as
         before. deadline: seconds after which the solve is given up; the plan is a roll-out then. options: of the
         solver, by name, from here on.
         """
