@@ -109,7 +109,7 @@ TEST_F(Task, RefusesBadBounds) {
   task.u_ub = {1.0, kNan};
   EXPECT_EQ(refusal(), "u_ub[1] = nan: must be a number or infinity");
   task.u_lb = {0.0};
-  EXPECT_EQ(refusal(), "u_lb = 1: must have 2 entries, or none");
+  EXPECT_EQ(refusal(), "u_lb = 1: must have 2 entries, or 5 times as many, or none");
   task.u_lb = {}, task.u_ub = {}, task.max_u_change = {1.0, -1.0};
   EXPECT_EQ(refusal(), "max_u_change[1] = -1: must be >= 0");
   task.max_u_change = {}, task.x_lb = Values(3, std::numeric_limits<double>::infinity());

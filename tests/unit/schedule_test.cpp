@@ -93,7 +93,7 @@ TEST(Regularization, IsAlgorithmOnesWhereThatIsAskedFor) {
   for (int iteration = 0; iteration < 2; ++iteration) {
     delta.begin();
     EXPECT_EQ(delta.current(), 0.0);
-    for (const double printed : {1e2, 1e3, 1e4}) {
+    for (const double printed : {1e-2, 1e-1, 1.0}) {
       EXPECT_TRUE(delta.raise());
       EXPECT_DOUBLE_EQ(delta.current(), printed);
     }

@@ -216,7 +216,7 @@ TEST(Strategy, AWarmStartThatCannotBeRestoredIsAColdOne) {
 TEST(Strategy, BetweenAWarmAnswerAndAColdOneTheBetterWins) {
   int both = 0;
   for (std::uint64_t seed = 1; seed <= 60; ++seed) {
-    const testing::RandomSizes sizes{.variables = 20, .equalities = 2, .inequalities = 10, .pairs = 8};
+    const testing::RandomSizes sizes{.variables = 30, .equalities = 3, .inequalities = 60, .pairs = 9};
     const OwnedProblem problem = testing::random_problem(sizes, seed);
     Planned other(testing::random_problem(sizes, seed + 1000));
     static_cast<void>(other.cold());
@@ -238,7 +238,7 @@ TEST(Strategy, BetweenAWarmAnswerAndAColdOneTheBetterWins) {
 TEST(Strategy, AnObjectiveOfMinusInfinityIsNotAboveAReferenceOfMinusInfinity) {
   int restored = 0;
   for (std::uint64_t seed = 1; seed <= 60 && restored < 3; ++seed) {
-    const testing::RandomSizes sizes{.variables = 20, .equalities = 2, .inequalities = 10, .pairs = 8};
+    const testing::RandomSizes sizes{.variables = 30, .equalities = 3, .inequalities = 60, .pairs = 9};
     const OwnedProblem problem = testing::random_problem(sizes, seed);
     Planned other(testing::random_problem(sizes, seed + 1000)), usual(problem), overflown(problem);
     static_cast<void>(other.cold());

@@ -165,6 +165,7 @@ void BranchSearch::from_penalties(Run& run, ConstVectorRef initial_z) {
 }
 
 void BranchSearch::begin(ConstVectorRef z) {
+  has_searched_ = false;
   further_ = 1;
   softened_ = {.number = 1};
   random_ = {};
@@ -264,6 +265,8 @@ bool BranchSearch::take_branch_of(Run& run, const Iterate& solution, int budget)
 // from it all plans are worse.
 void BranchSearch::search_near(Run& run, ConstVectorRef initial_z) {
   if (options_.max_local_search_factorizations == 0 || pulling(incumbent_) == 0) return;
+  steps_ = 0;
+  has_searched_ = true;
   const Run::Polishing polishing(run);
   const int last = run.factorizations + options_.max_local_search_factorizations;
   point_.restore(incumbent_.best().x, incumbent_.best().set);
@@ -281,8 +284,8 @@ void BranchSearch::search_softly(Run& run, ConstVectorRef initial_z, int last_fa
 // elsewhere, as when the next stair comes into the horizon. So a search follows every few steps, or when the
 // objective has risen.
 bool BranchSearch::start_from(Run& run, const Iterate& solution, double reference_objective, Stage& stage) {
-  has_searched_ = false;
   const bool mends = std::exchange(stage, Stage::beginning) == Stage::mending;
+  const int before = run.factorizations;
   const bool moved = !mends && take_branch_of(run, solution, tuning::engine_budget);
   if (!moved && !mend(run, solution, mends, stage)) return false;
   const double objective = problem_.user_objective(incumbent_.best().objective);
@@ -290,15 +293,16 @@ bool BranchSearch::start_from(Run& run, const Iterate& solution, double referenc
     const double rise = std::isfinite(reference_objective) ? by * std::abs(reference_objective) : 0.0;
     return objective > reference_objective + rise;
   };
-  const bool is_worse = !moved && has_risen(tuning::alike);
+  const bool small_change = moved && run.factorizations - before <= tuning::warm_tiny_change;
+  const bool is_worse = !small_change && has_risen(tuning::alike);
   if (pulling(incumbent_) < tuning::many_pulling || options_.max_local_search_factorizations == 0 ||
       !std::isfinite(reference_objective))
     return !is_worse;
   if (!is_search_due(solution) && !is_worse && !has_risen(tuning::warm_rise)) return true;
   const Run::Polishing polishing(run);
   const int budget = std::min(2 * tuning::engine_budget, options_.max_local_search_factorizations);
-  const Vector z = incumbent_.best().x.z();  // which the search replaces
-  search_softly(run, z, run.factorizations + budget);
+  searched_z_ = incumbent_.best().x.z();  // a copy: the search replaces the incumbent
+  search_softly(run, searched_z_, run.factorizations + budget);
   steps_ = 0;
   has_searched_ = true;
   return true;
@@ -307,8 +311,7 @@ bool BranchSearch::start_from(Run& run, const Iterate& solution, double referenc
 // Few better branches appear while the solution stays where it is.
 bool BranchSearch::is_search_due(const Iterate& last) {
   if (steps_ == 0) searched_z_ = last.z();
-  const Vector& z = incumbent_.best().x.all;
-  const double moved = (z.head(searched_z_.size()) - searched_z_).norm();
+  const double moved = (incumbent_.best().x.z() - searched_z_).norm();
   return ++steps_ >= tuning::warm_search_steps && moved > tuning::alike * searched_z_.norm();
 }
 

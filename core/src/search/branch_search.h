@@ -73,9 +73,12 @@ class BranchSearch {
     Stage stage = Stage::beginning;
     return start_from(run, solution, reference_objective, stage);
   }
-  /// True if the last start_from() has searched.
+  /// Counts a step of a sequence, which has found the incumbent from this solution. Returns true if it is
+  /// time to search for better branches.
+  [[nodiscard]] bool is_search_due(const Iterate& last);
+  /// True if this solve has searched from a warm start.
   [[nodiscard]] bool has_searched() const { return has_searched_; }
-  /// Call this when a sequence of start_from() begins.
+  /// Call this when a sequence of warm starts begins.
   void forget_steps() { steps_ = 0; }
   /// Solves the branch of a solution of a similar problem with at most this number of factorizations.
   /// Returns true if its solution is kept.
@@ -89,7 +92,6 @@ class BranchSearch {
   void from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization, bool resumes = false,
                        double cutoff = std::numeric_limits<double>::infinity());
   void search_softly(Run& run, ConstVectorRef initial_z, int last_factorization);
-  [[nodiscard]] bool is_search_due(const Iterate& last);
   [[nodiscard]] bool mend(Run& run, const Iterate& solution, bool resumes, Stage& stage);
   void switch_near_incumbent(Run& run, int patience, int last_factorization, const char* origin);
   int repeat(Run& run, int first, int most_factorizations);
@@ -106,7 +108,7 @@ class BranchSearch {
   InteriorEngine interior_;
   LocalSearch search_;
   FurtherStarts further_starts_;
-  int steps_ = 0;      // of start_from() since its last search
+  int steps_ = 0;      // of a sequence since its last search
   Vector searched_z_;  // the solution after that search
   bool has_searched_ = false;
   std::unique_ptr<PenaltyHomotopy> homotopy_;  // if it applies

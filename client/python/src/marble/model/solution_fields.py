@@ -37,9 +37,9 @@ class SolutionFields:
     reused_nodes: Nodes of a session's last tree with which this tree began instead of the root. They were bounded
     again by the multipliers with which they were closed, and not solved again. detail says how many of them remain
     closed.
-    reference_objective: Objective of the last cold start on the way to this solution. After a cold start it is the
-    solution's own objective; in a chain of warm starts it is that of the first one, or infinity if that one started
-    with infinity.
+    reference_objective: Objective after the last cold start or search for better branches on the way to this
+    solution. Then it is the solution's own objective; in a chain of warm starts it is that of an earlier solve, or
+    infinity if that one started with infinity.
     kkt_residual: max |Q z + g + A'y - C'nu - L'xi - R'eta| or max |nu (C z + d)|, whichever is larger.
     iterations: Newton iterations.
     factorizations: All numeric factorizations, including rejected ones.
