@@ -108,7 +108,7 @@ TEST(FeasibleStart, NoAnswerToAControlStepIsAboveItsRollOut) {
   }
 }
 
-// reference_objective is that of the last cold start.
+// reference_objective is then still that of the last cold start.
 TEST(FeasibleStart, LeavesNoStepOfAControllerToAColdStart) {
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
     testing::ControlSteps steps(seed);

@@ -1,12 +1,15 @@
 // Updates in place and starts from an earlier answer.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
+#include <vector>
 
 #include "marble/examples.h"
 #include "marble/solver.h"
+#include "marble/warm_solver.h"
 #include "support/independent_check.h"
 #include "support/random_problem.h"
 
@@ -175,6 +178,48 @@ TEST(WarmStart, OfTheHopperFollowsItsHorizon) {
     cold += solver.solve().value().factorizations;
   }
   EXPECT_LT(warm, cold / 2);
+}
+
+// The solutions of a closed loop over a session.
+std::vector<Solution> hops(int control_steps) {
+  examples::HopperParameters parameters{.steps = 10};
+  OwnedProblem p = examples::hopper(parameters);
+  WarmSolver session = WarmSolver::create(Problem::create(p.view()).value()).value();
+  std::vector<Solution> solutions = {session.solve({}).value()};
+  for (int step = 1; step <= control_steps; ++step) {
+    parameters = examples::advance(parameters, solutions.back().z);
+    p = examples::hopper(parameters);
+    const Restart restart{.shift = Shift::by_stage(p.view(), parameters.steps).value()};
+    solutions.push_back(session.solve(vectors_of(p), restart).value());
+  }
+  return solutions;
+}
+
+TEST(WarmStart, OfAControlStepFollowsTheChangeWithTwoFactorizationsAndSearchesFromTimeToTime) {
+  const std::vector<Solution> solutions = hops(30);
+  int followed = 0, searched = 0;
+  for (std::size_t step = 1; step < solutions.size(); ++step) {
+    const Solution& s = solutions[step];
+    ASSERT_EQ(s.status, Status::solved) << s.detail;
+    const bool keeps_reference = s.reference_objective == solutions[step - 1].reference_objective;
+    EXPECT_TRUE(keeps_reference || s.reference_objective == s.objective) << step;
+    (keeps_reference ? followed : searched) += 1;
+    if (keeps_reference) {
+      EXPECT_LE(s.objective, 1.2 * s.reference_objective) << step << ": a rise calls for a search";
+      EXPECT_LE(s.factorizations, 100) << step << ": " << s.detail;
+    }
+  }
+  EXPECT_GE(searched, 3);
+  EXPECT_GE(followed, 15);
+  EXPECT_GE(std::ranges::count_if(solutions, [](const Solution& s) { return s.factorizations == 2; }), 8);
+}
+
+TEST(WarmStart, OfALoopGivesTheSameBitsInEverySession) {
+  const std::vector<Solution> one = hops(15), other = hops(15);
+  for (std::size_t step = 0; step < one.size(); ++step) {
+    EXPECT_EQ(one[step].z, other[step].z) << step;
+    EXPECT_EQ(one[step].factorizations, other[step].factorizations) << step;
+  }
 }
 
 TEST(WarmStart, OfOtherSizesIsAnErrorThatNamesTheField) {

@@ -7,7 +7,9 @@
 namespace marble {
 
 ExactBranch::ExactBranch(BranchPoint& point, SemismoothNewton& newton, QuadraticEngine& interior)
-    : point_(point), newton_(newton), interior_(interior) {}
+    : point_(point), newton_(newton), interior_(interior) {
+  wrong_rows_.reserve(point.set.held.size());
+}
 
 bool ExactBranch::solve(Run& run, int budget, Parametric* parametric) {
   const int last = run.factorizations + budget;

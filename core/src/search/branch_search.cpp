@@ -165,7 +165,6 @@ void BranchSearch::from_penalties(Run& run, ConstVectorRef initial_z) {
 }
 
 void BranchSearch::begin(ConstVectorRef z) {
-  has_searched_ = false;
   further_ = 1;
   softened_ = {.number = 1};
   random_ = {};
@@ -265,18 +264,16 @@ bool BranchSearch::take_branch_of(Run& run, const Iterate& solution, int budget)
 // from it all plans are worse.
 void BranchSearch::search_near(Run& run, ConstVectorRef initial_z) {
   if (options_.max_local_search_factorizations == 0 || pulling(incumbent_) == 0) return;
-  steps_ = 0;
-  has_searched_ = true;
   const Run::Polishing polishing(run);
   const int last = run.factorizations + options_.max_local_search_factorizations;
   point_.restore(incumbent_.best().x, incumbent_.best().set);
   switch_near_incumbent(run, tuning::search_patience, last, "warm start, local search");
   if (pulling(incumbent_) >= tuning::many_pulling)
-    search_softly(run, initial_z, std::min(last, run.factorizations + tuning::engine_budget));
+    search_from_penalized_start(run, initial_z, std::min(last, run.factorizations + tuning::engine_budget));
 }
 
 // Searches for branches that are lower than the incumbent's.
-void BranchSearch::search_softly(Run& run, ConstVectorRef initial_z, int last_factorization) {
+void BranchSearch::search_from_penalized_start(Run& run, ConstVectorRef initial_z, int last_factorization) {
   from_soft_start(run, initial_z, last_factorization, false, incumbent_.best().objective);
 }
 
@@ -284,10 +281,11 @@ void BranchSearch::search_softly(Run& run, ConstVectorRef initial_z, int last_fa
 // elsewhere, as when the next stair comes into the horizon. So a search follows every few steps, or when the
 // objective has risen.
 bool BranchSearch::start_from(Run& run, const Iterate& solution, double reference_objective, Stage& stage) {
-  const bool mends = std::exchange(stage, Stage::beginning) == Stage::mending;
+  has_searched_ = false;
+  const bool resumes = std::exchange(stage, Stage::beginning) == Stage::mending;
   const int before = run.factorizations;
-  const bool moved = !mends && take_branch_of(run, solution, tuning::engine_budget);
-  if (!moved && !mend(run, solution, mends, stage)) return false;
+  const bool moved = !resumes && take_branch_of(run, solution, tuning::engine_budget);
+  if (!moved && !restore_feasibility(run, solution, resumes, stage)) return false;
   const double objective = problem_.user_objective(incumbent_.best().objective);
   const auto has_risen = [&](double by) {
     const double rise = std::isfinite(reference_objective) ? by * std::abs(reference_objective) : 0.0;
@@ -302,9 +300,9 @@ bool BranchSearch::start_from(Run& run, const Iterate& solution, double referenc
   const Run::Polishing polishing(run);
   const int budget = std::min(2 * tuning::engine_budget, options_.max_local_search_factorizations);
   searched_z_ = incumbent_.best().x.z();  // a copy: the search replaces the incumbent
-  search_softly(run, searched_z_, run.factorizations + budget);
+  search_from_penalized_start(run, searched_z_, run.factorizations + budget);
   steps_ = 0;
-  has_searched_ = true;
+  has_searched_ = !run.interrupted();  // a search that was cut off is no reference for later objectives
   return true;
 }
 
@@ -316,18 +314,18 @@ bool BranchSearch::is_search_due(const Iterate& last) {
 }
 
 // Restores feasibility near the last solution.
-bool BranchSearch::mend(Run& run, const Iterate& solution, bool resumes, Stage& stage) {
+bool BranchSearch::restore_feasibility(Run& run, const Iterate& solution, bool resumes, Stage& stage) {
   if (run.interrupted()) return false;
   const Run::Polishing polishing(run);
   if (!resumes) point_.start_from_solution(solution);
   SearchPlan plan = near_exact(tuning::short_patience);
   plan.resumes = resumes;
   const int last = run.factorizations + tuning::engine_budget + options_.max_local_search_factorizations;
-  const bool mended =
+  const bool restored =
       search_.run(run, plan, last) &&
       incumbent_.solve_branch(run, "warm start, restored", tuning::engine_budget) == Incumbent::Outcome::kept;
-  if (!mended && run.interrupted()) stage = Stage::mending;
-  return mended;
+  if (!restored && run.interrupted()) stage = Stage::mending;
+  return restored;
 }
 
 }  // namespace marble

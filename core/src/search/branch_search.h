@@ -73,12 +73,9 @@ class BranchSearch {
     Stage stage = Stage::beginning;
     return start_from(run, solution, reference_objective, stage);
   }
-  /// Counts a step of a sequence, which has found the incumbent from this solution. Returns true if it is
-  /// time to search for better branches.
-  [[nodiscard]] bool is_search_due(const Iterate& last);
-  /// True if this solve has searched from a warm start.
+  /// True if the last start_from() has searched, to the end.
   [[nodiscard]] bool has_searched() const { return has_searched_; }
-  /// Call this when a sequence of warm starts begins.
+  /// Call this before a cold start, with which a sequence begins.
   void forget_steps() { steps_ = 0; }
   /// Solves the branch of a solution of a similar problem with at most this number of factorizations.
   /// Returns true if its solution is kept.
@@ -91,8 +88,9 @@ class BranchSearch {
  private:
   void from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization, bool resumes = false,
                        double cutoff = std::numeric_limits<double>::infinity());
-  void search_softly(Run& run, ConstVectorRef initial_z, int last_factorization);
-  [[nodiscard]] bool mend(Run& run, const Iterate& solution, bool resumes, Stage& stage);
+  void search_from_penalized_start(Run& run, ConstVectorRef initial_z, int last_factorization);
+  [[nodiscard]] bool is_search_due(const Iterate& last);
+  [[nodiscard]] bool restore_feasibility(Run& run, const Iterate& solution, bool resumes, Stage& stage);
   void switch_near_incumbent(Run& run, int patience, int last_factorization, const char* origin);
   int repeat(Run& run, int first, int most_factorizations);
   [[nodiscard]] FurtherStarts::Start next_start();

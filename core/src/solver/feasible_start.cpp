@@ -89,7 +89,7 @@ std::optional<Strategy::Answer> Strategy::step_from_start(Run& run, ConstVectorR
   };
   const bool small_change =
       search_.take_branch_of(run, *warm_start.solution, tuning::warm_tiny_change) && is_found();
-  if (!small_change || search_.is_search_due(*warm_start.solution)) {
+  if (!small_change) {
     if (run.interrupted()) return std::nullopt;
     solve_branch_of_start(run);
     if (!is_found()) return std::nullopt;
@@ -97,7 +97,6 @@ std::optional<Strategy::Answer> Strategy::step_from_start(Run& run, ConstVectorR
   }
   Answer answer = finish_exact(run, run.factorizations + tuning::warm_small_change);
   answer.stayed_warm = true;
-  answer.has_searched = search_.has_searched();
   return answer;
 }
 

@@ -127,7 +127,6 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
     path_point_.violations.equality = std::numeric_limits<double>::infinity();  // no point yet
   }
   looked_for_ = {};
-  if (!warm_start) search_.forget_steps();
   if (warm_start && from <= Stage::mending) {
     if (search_.start_from(run, *warm_start->solution, warm_start->reference_objective, from)) {
       Answer answer = finish_exact(run);
@@ -139,6 +138,7 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
   looks_for_contradiction_ =
       options_.path == Path::fast && !start_ && !(warm_start && judged(warm_start->solution->z()).feasible);
   path_.look_for_contradiction(looks_for_contradiction_);
+  search_.forget_steps();
   const bool late = run.interrupted().has_value();  // the cold start then gets no further than `from`
   const std::optional<Ending> path_end = solve_cold(run, initial_z, from);
   if (late) stage_ = from;
