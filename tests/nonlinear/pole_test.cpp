@@ -52,7 +52,8 @@ TEST(NonlinearPoles, AreLeftWithin50LcqpsByTheExactHessian) {
   }
 }
 
-// Without second derivatives some take longer or end almost stationary; none is called solved that is not.
+// Without second derivatives some end almost stationary or at the limit of iterations; none is called solved
+// that is not.
 TEST(NonlinearPoles, AreLeftByUpdatesOfTheCurvatureOrSayWhyNot) {
   int solved = 0, all = 0, within = 0;
   for (const auto& problem : pole_problems<Jet>()) {
@@ -66,8 +67,9 @@ TEST(NonlinearPoles, AreLeftByUpdatesOfTheCurvatureOrSayWhyNot) {
         ++solved;
         EXPECT_LE(error_of(problem, *answer), 5e-6) << problem.name << " from " << distance;
       } else {
-        EXPECT_NE(answer->detail.find("stationary"), std::string::npos)
-            << problem.name << " from " << distance << ": " << answer->detail;
+        const bool says_why = answer->detail.find("stationary") != std::string::npos ||
+                              answer->detail.find("KKT residual") != std::string::npos;
+        EXPECT_TRUE(says_why) << problem.name << " from " << distance << ": " << answer->detail;
       }
     }
   }

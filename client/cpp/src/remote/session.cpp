@@ -321,12 +321,14 @@ void RemoteSession::take(std::unique_ptr<SessionStream> stream) {
 // Checked here: no one waits to receive the server's error.
 Expected<std::int64_t> RemoteSession::prepare(const ProblemUpdate& update, const UpdateControls& controls) {
   if (auto valid = check(update, controls); !valid) return unexpected(valid.error());
-  const MutexLock lock(stream_->writing);
-  auto sent = stream_->send(update, controls, true);
+  // A set-up that is under way was sent without these numbers; they follow it.
+  SessionStream& stream = opening_ != nullptr ? *opening_ : *stream_;
+  const MutexLock lock(stream.writing);
+  auto sent = stream.send(update, controls, true);
   if (stream_->memory == nullptr) return sent;
   const bool lost = !sent && sent.error().code == ErrorCode::unavailable;
   if (sent || lost) stream_->memory->take_first_part(update, controls);
-  if (lost) return stream_->sequence;  // solve() opens the session elsewhere
+  if (lost) return stream.sequence;  // solve() opens the session elsewhere
   return sent;
 }
 
@@ -412,6 +414,7 @@ Expected<void> RemoteSession::reopen(const UpdateControls& next, Clock::time_poi
 }
 
 Expected<void> RemoteSession::close() {
+  opening_.reset();
   SessionStream& s = *stream_;
   if (s.misses > 0) {  // the server may hang
     s.context.TryCancel();
