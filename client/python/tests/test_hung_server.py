@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import threading
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import scipy.sparse as sp
 from support import stop_all, tiny, wait_until
 
 import marble
+from marble.calls import links
 
 pytestmark = pytest.mark.usefixtures("way_of_sessions")
 
@@ -102,6 +104,56 @@ def test_closing_does_not_wait_for_it(open_session, start_server):
     assert not session.is_open
     _goes_on(server)
     assert wait_until(lambda: _sessions(server) == 0)
+
+
+def test_closing_does_not_wait_for_it_with_an_earlier_update_under_way(open_session, start_server):
+    server = start_server()
+    session = open_session(server.address, tiny())
+    stop_all(server.process)
+    session.send(c0=1.0)
+    with pytest.raises(marble.DeadlineExceeded):
+        session.update(deadline=SOON)
+    session.close()
+    assert not session.is_open
+    _goes_on(server)
+
+
+def test_a_cancelled_stream_ends_after_messages_that_no_one_read():
+    cancelled = threading.Event()
+
+    class Stream:
+        def __init__(self):
+            self.left = links.AHEAD + 1
+
+        def __iter__(self):
+            return self
+
+        def __next__(self):
+            self.left -= 1
+            if self.left < 0:
+                raise StopIteration
+            if self.left == 0:
+                cancelled.wait()
+            return b"data"
+
+        def add_done_callback(self, _):
+            pass
+
+        def cancel(self):
+            cancelled.set()
+
+    class Rpc:
+        def duplex(self, *_):
+            return Stream()
+
+    link = links._OfThread(Rpc(), b"", lambda: None)
+    assert link.receive(LONG) == b"data"
+    assert wait_until(lambda: link._inbox.qsize() == links.AHEAD - 1)
+    link._inbox.put(b"data")  # full
+    link.cancel()
+    assert wait_until(lambda: None in link._inbox.queue)
+    while link.receive(LONG) is not None:
+        pass
 
 
 @pytest.mark.parametrize("grace", [-1, float("nan"), float("inf"), 3601, "long", None, True])

@@ -284,6 +284,7 @@ def test_a_system_without_pairs_is_a_quadratic_program():
     ({"u_ub": with_entry(np.ones((10, 1)), (3, 0), np.inf)}, r"u_ub\[3\]\[0\] is inf: must be finite in all stages"),
     ({"max_u_change": -1}, r"max_u_change\[0\] is -1"), ({"x_ref": np.zeros((10, 4))}, r"x_ref is of shape \(10, 4\)"),
     ({"u_ub": np.nan}, r"u_ub\[0\] is nan"), ({"lcs": cart_pole(d=np.zeros((3, 4)))}, "must be 3, as many"),
+    ({"x_ub": [[1.0], [1.0, 2.0]]}, "x_ub.*must be an array of numbers"),
     ({"lcs": None}, "must be a marble.lcs.LCS"), ({"speed": 3}, "speed"),
 ])
 def test_a_bad_planning_problem_is_named(changes, words):

@@ -203,3 +203,16 @@ def test_each_set_up_has_an_epoch_and_what_has_another_is_ignored():
     done, event = core.take(response(error={**error, "epoch": 1}).SerializeToString())
     assert done and isinstance(event.outcome, marble.DeadlineExceeded)
     assert request.FromString(core.update(c0=4.0)).update.epoch == 1
+
+
+def test_an_update_given_up_while_a_session_is_reopened_keeps_no_later_one():
+    core = SessionCore(tiny(), None, reopen=True)
+    core.set_up(Call(), False)
+    core.set_up_again()
+    core.update(c0=1.0)
+    core.give_up(1)
+    core.again()  # as a preparation, which has no result
+    for number in (2, 3):
+        core.update(c0=float(number))
+        core.settle(number, kept=True)
+    assert not core._updates

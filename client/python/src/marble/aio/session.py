@@ -142,7 +142,7 @@ class Session(SessionInfo):
         """The next outcome, or None at the session's end; the caller holds _reading. Late as of _event."""
         while True:
             try:
-                if (lost := self._core.lost) is not None:
+                if (lost := self._core.gone or self._core.lost) is not None:
                     raise lost
                 event = await self._event(self._stream, until)
                 if event is not None:
@@ -161,6 +161,7 @@ class Session(SessionInfo):
 
     async def _reopen(self, error: Unavailable, tries: Tries, until: float | None) -> None:
         """At once, as there may be another server; then repeatedly after pauses."""
+        self._core.gone = error
         self._stream.cancel()
         try:
             while True:
@@ -245,7 +246,7 @@ class Session(SessionInfo):
         """Ends the session once every update has a result, and waits for that; see marble.Session.close."""
         if self._stream is None or self._core.ended:
             return
-        if self._core.misses:
+        if self._core.is_last_missed:
             return self.cancel()
         self._core.ended = True
         self._stream.write(None)
@@ -256,6 +257,9 @@ class Session(SessionInfo):
         except Unavailable:  # a reopened session has all results that anyone waited for
             if not self._core.reopen:
                 raise
+        finally:
+            if self._opening is not None:
+                self._opening.cancel()
 
     def cancel(self) -> None:
         """Ends the session at once, and cancels what is under way."""

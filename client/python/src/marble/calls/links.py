@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import threading
 from collections.abc import Callable, Iterator
@@ -106,8 +107,10 @@ class _OfThread(Link):
                 data = self._next()
             except Error as error:
                 data = error
-            while not is_put(inbox, data, 1.0) and not self._is_cancelled:
-                pass
+            while not is_put(inbox, data, 1.0):
+                if self._is_cancelled:  # data is dropped, the end never
+                    with contextlib.suppress(queue.Empty):
+                        inbox.get_nowait()
 
     def begin(self) -> None:
         self._is_set_up.set()

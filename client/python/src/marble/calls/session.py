@@ -121,6 +121,8 @@ class Session(SessionInfo):
     def _finish(self) -> None:
         self._core.ended = True
         self._link.end()
+        if (opening := self._opening) is not None:
+            opening.cancel()
         self._stop_searching()
 
     def _stop_searching(self) -> None:
@@ -140,7 +142,7 @@ class Session(SessionInfo):
         """The next outcome, or None at the session's end; the caller holds _reading. Late as of _event."""
         while True:
             try:
-                if (lost := self._core.lost) is not None:
+                if (lost := self._core.gone or self._core.lost) is not None:
                     raise lost
                 event = self._event(self._link, until)
                 if event is not None:
@@ -159,6 +161,7 @@ class Session(SessionInfo):
 
     def _reopen(self, rpc: Rpc, error: Unavailable, tries: Tries, until: float | None) -> None:
         """At once, as there may be another server; then repeatedly after pauses, in which gRPC searches for one."""
+        self._core.gone = error
         self._link.cancel()
         try:
             while True:
@@ -285,7 +288,7 @@ class Session(SessionInfo):
         """
         if self._core.ended:
             return
-        if self._core.misses:
+        if self._core.is_last_missed:
             return self.cancel()
         self._reading.refuse_own()
         with self._writing:
@@ -306,8 +309,6 @@ class Session(SessionInfo):
         """Ends the session at once, and cancels what is under way."""
         self._given_up.set()
         self._link.cancel()
-        if (opening := self._opening) is not None:
-            opening.cancel()
         self._finish()
 
     def __enter__(self) -> Session:

@@ -129,6 +129,8 @@ class SessionCore:
         self._call = requests.Call()
         self._latest_only = False
         self.misses = 0  # updates in a row that were not answered in time
+        self.is_last_missed = False  # whether the last update was not, even if it waited for another one
+        self.gone: Unavailable | None = None  # what ended the last stream, until the session is set up again
 
     @property
     def current(self) -> LCQP:
@@ -172,7 +174,7 @@ class SessionCore:
         """The messages that follow once all is set up: the updates without a result, in their order."""
         with self._lock:
             self.reopened += 1
-            self.misses = 0
+            self.misses, self.is_last_missed, self.gone = 0, False, None
             self._is_reopened = True
             self._start, self._leads = self._newest, True
             # Those that were given up since the set-up become preparations: they need no solves.
@@ -215,6 +217,7 @@ class SessionCore:
             busy = any(number < sequence and not (one.has_result or one.given_up or one.first_part)
                        for number, one in self._updates.items())
         self.misses += not busy
+        self.is_last_missed = True
         grace, after = self._call.answer_grace, deadline + self._call.answer_grace
         return DeadlineExceeded(f"the server did not answer within {after:g} s, {grace:g} s after the deadline")
 
@@ -312,7 +315,8 @@ class SessionCore:
                 self._leads = self._start is not None
             while self._updates:
                 number, first = next(iter(self._updates.items()))
-                if not first.has_result and not (first.first_part and number < sequence):
+                may_have_none = first.first_part or first.given_up  # a reopened session prepares what was given up
+                if not first.has_result and not (may_have_none and number < sequence):
                     break
                 del self._updates[number]
         return after.current, after.given if isinstance(after.given, Problem) else after.current
@@ -351,7 +355,7 @@ class SessionCore:
             outcome = in_terms_of(given, self._first_of_epoch(answer, update.given_up))
         else:
             outcome = error or Superseded(body.by_sequence)
-        self.misses = 0
+        self.misses, self.is_last_missed = 0, False
         if update.given_up:
             return False, None
         return True, SessionEvent(body.sequence, outcome)

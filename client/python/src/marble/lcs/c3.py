@@ -28,7 +28,7 @@ from marble.lcs.task import Target, Task
 
 MAX_FILE_BYTES: Final = 256 * 1024
 MAX_DEPTH: Final = 8
-MAX_STAGES: Final = 10_000
+MAX_STAGES_OF_C3: Final = 10_000
 MAX_ENTRIES: Final = 1000
 """Of a vector."""
 MAX_COST_ENTRIES: Final = 10_000_000
@@ -147,7 +147,7 @@ def c3_options(path: str | os.PathLike[str], *, ignore: Iterable[str] = ()) -> C
     if "penalize_input_change" not in fields:  # C3's default is true
         ignored["penalize_input_change"] = _WHY["change"]
     given = _Fields({name: entry for name, entry in fields.items() if name not in left_out})
-    stages = given.whole("N", 1, MAX_STAGES)
+    stages = given.whole("N", 1, MAX_STAGES_OF_C3)
     gamma = given.number("gamma", 1.0, least=0.0)
     with np.errstate(over="ignore"):  # refused below
         q, r = (given.number(f"w_{kind}", least=0.0) * given.vector(f"{kind.lower()}_vector", least=0.0)

@@ -182,7 +182,7 @@ class Planner:
         None: as before. last_u: (nu,), the input before stage 0; None: that of the last plan before its new start,
         zeros before the first plan. u: (N, nu), inputs to roll out instead of the last plan's. shift: stages by which
         the last plan moves on first, in [0, N]. x_lb, x_ub, u_lb, u_ub: as in Planner, finite exactly where Planner's
-        are, as the pattern is fixed; they belong to the stages of this step, and do not move on with the plan; None: as
+        are, as the pattern is fixed; they belong to the stages of this step, and are not shifted with the plan; None: as
         before. deadline: seconds after which the solve is given up; the plan is a roll-out then. options: of the
         solver, by name, from here on.
         """
@@ -291,9 +291,8 @@ class Planner:
     def _limit(self, values: ArrayLike | None, field: str, size: int) -> Array | None:
         if values is None:
             return None
-        if np.ndim(values) == 0:
-            return one_each(values, field, size)
-        return self._per_stage(values, field, (size,), self.stages)
+        array = numbers(values, field, "an array of numbers")
+        return one_each(array, field, size) if array.ndim == 0 else self._per_stage(array, field, (size,), self.stages)
 
     @staticmethod
     def _per_stage(values: ArrayLike, field: str, shape: tuple[int, ...], count: int) -> Array:
