@@ -8,7 +8,7 @@ import signal
 
 import numpy as np
 import pytest
-from support import Absence, check, long_solve, random_problem, tiny, wait_until
+from support import Absence, check, long_solve, random_problem, stop_all, tiny, wait_until
 
 import marble
 from marble.base import contract
@@ -216,3 +216,25 @@ def test_an_update_given_up_while_a_session_is_reopened_keeps_no_later_one():
         core.update(c0=float(number))
         core.settle(number, kept=True)
     assert not core._updates
+
+
+def test_a_reopen_that_is_late_does_not_end_the_session(open_session, start_server):
+    servers = [start_server("--drain-grace-s", "60") for _ in range(2)]
+    session = open_session([server.address for server in servers], tiny(), answer_grace=0.05)
+    assert session.update().solved
+    left = _serving(servers)
+    other = next(server for server in servers if server is not left)
+    stop_all(other.process)
+    left.process.send_signal(signal.SIGTERM)
+
+    def is_refused():
+        try:
+            session.update(c0=5.0, deadline=0.2)
+        except (marble.Unavailable, marble.DeadlineExceeded):
+            return True
+        return False
+
+    assert wait_until(is_refused) and is_refused() and session.is_open
+    other.process.send_signal(signal.SIGCONT)
+    assert wait_until(lambda: not is_refused())
+    assert session.update(c0=6.0).objective == pytest.approx(5.0) and session.reopened == 1

@@ -182,8 +182,8 @@ class Planner:
         None: as before. last_u: (nu,), the input before stage 0; None: that of the last plan before its new start,
         zeros before the first plan. u: (N, nu), inputs to roll out instead of the last plan's. shift: stages by which
         the last plan moves on first, in [0, N]. x_lb, x_ub, u_lb, u_ub: as in Planner, finite exactly where Planner's
-        are, as the pattern is fixed; they belong to the stages of this step, and are not shifted with the plan; None: as
-        before. deadline: seconds after which the solve is given up; the plan is a roll-out then. options: of the
+        are, as the pattern is fixed; they belong to the stages of this step, and are not shifted with the plan; None:
+        as before. deadline: seconds after which the solve is given up; the plan is a roll-out then. options: of the
         solver, by name, from here on.
         """
         begun = time.perf_counter()
