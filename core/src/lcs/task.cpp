@@ -170,7 +170,7 @@ Expected<void> CheckedTask::take_bounds(const LcsTask& task) {
   take(limits.x_ub, task.x_ub, states, kInfinity, "x_ub");
   take(limits.u_lb, task.u_lb, inputs, -kInfinity, "u_lb");
   take(limits.u_ub, task.u_ub, inputs, kInfinity, "u_ub");
-  if (valid && task.max_u_change.size() > static_cast<std::size_t>(inputs)) {
+  if (valid && !task.max_u_change.empty() && task.max_u_change.size() != static_cast<std::size_t>(inputs)) {
     valid = unexpected(invalid("max_u_change", std::to_string(task.max_u_change.size()),
                                "must have " + std::to_string(inputs) + " entries, or none"));
   }

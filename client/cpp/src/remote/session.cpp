@@ -90,6 +90,7 @@ struct SessionStream {
   std::optional<SessionEvent> refused_part ABSL_GUARDED_BY(reading);  // a rejected first part, with its error
   std::set<std::int64_t> discarded ABSL_GUARDED_BY(reading);          // updates whose outcomes are discarded
   std::atomic<int> misses = 0;                                        // in a row; without any answer
+  std::atomic<bool> last_missed = false;                              // no answer has come since
   grpc::Status status;
   std::atomic<bool> over = false;  // set after `status`, which then does not change
 
@@ -181,12 +182,14 @@ Expected<RemoteSolution> SessionStream::solve(const ProblemUpdate& update, const
 }
 
 void SessionStream::miss(std::int64_t number) {
+  last_missed = true;
   discarded.insert(number);
   {
     const MutexLock lock(sinks_access);
     sinks.erase(number);
     awaited.erase(number);
-    if (!awaited.empty()) return;  // a server that solves an earlier update need not hang
+    if (!awaited.empty() && *awaited.begin() < number)
+      return;  // a server that solves an earlier update need not hang
   }
   if (++misses < kMostMisses) return;
   context.TryCancel();
@@ -220,6 +223,7 @@ std::optional<SessionEvent> SessionStream::read(Clock::time_point end) {
     if (response.has_progress()) report(response.progress());
     if (auto event = event_of(response)) {
       misses = 0;
+      last_missed = false;
       if (discarded.erase(event->sequence) != 0) {
         refused_part.reset();
         continue;
@@ -416,7 +420,7 @@ Expected<void> RemoteSession::reopen(const UpdateControls& next, Clock::time_poi
 Expected<void> RemoteSession::close() {
   opening_.reset();
   SessionStream& s = *stream_;
-  if (s.misses > 0) {  // the server may hang
+  if (s.last_missed) {  // the server may hang
     s.context.TryCancel();
     const MutexLock lock(s.reading);
     s.read_to_the_end();
