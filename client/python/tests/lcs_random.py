@@ -186,6 +186,13 @@ def problem(random, nx, nu):
             "x_ub": np.where(random.random(nx) < 0.2, 100.0, np.inf), "max_u_change": 2 * width}
 
 
+def limits(random, task, nu):
+    """Limits of a step: one row, or one per stage."""
+    rows = (task["stages"], 1) if random.random() < 0.5 else (1,)
+    width = task["u_ub"] * random.uniform(0.5, 1.5, size=(*rows[:-1], nu))
+    return {"u_lb": -width, "u_ub": width, "x_ub": task["x_ub"] * random.uniform(0.5, 1.5, size=rows)}
+
+
 # ---------------------------------------------------------------- targets: each makes one call or a few
 
 
@@ -246,7 +253,8 @@ def step(random):
                 now = other if other.stages in (None, N) else now
             arguments = {"x0": x0, "lcs": now, "x_ref": form(random, random.normal(size=(N + 1, made.nx))),
                          "u_ref": form(random, random.normal(size=(N, made.nu))), "last_u": last,
-                         "u": form(random, random.normal(size=(N, made.nu))), "shift": random.integers(0, N + 1)}
+                         "u": form(random, random.normal(size=(N, made.nu))), "shift": random.integers(0, N + 1),
+                         **limits(random, task, made.nu)}
             with contextlib.suppress(InvalidArgument, FailedPrecondition), errors(*arguments, "deadline", state=True):
                 wrong = spoil(random, {**arguments, "deadline": None}, random.integers(1, 3))
                 if random.random() < 0.3:
@@ -256,7 +264,8 @@ def step(random):
                     one.step(**wrong)
             plan = one.step(**arguments)
             feasible += check_plan(plan, now, x0, {**task, "x_ref": np.array(arguments["x_ref"], dtype=float),
-                                                   "u_ref": np.array(arguments["u_ref"], dtype=float)}, last)
+                                                   "u_ref": np.array(arguments["u_ref"], dtype=float),
+                                                   **{name: arguments[name] for name in ("u_lb", "u_ub", "x_ub")}}, last)
     must_refuse(lambda: one.step(np.zeros(made.nx)))
     return feasible
 

@@ -64,6 +64,21 @@ def wait_until(condition, seconds: float = 120.0) -> bool:
     return True
 
 
+def first_answer(session, deadline: float) -> marble.Solution:
+    """The answer of an update that is repeated until one comes in time."""
+    answers = []
+
+    def is_there():
+        try:
+            answers.append(session.update(deadline=deadline))
+        except (marble.DeadlineExceeded, marble.Unavailable):
+            return False
+        return True
+
+    assert wait_until(is_there)
+    return answers[0]
+
+
 def stop_all(process) -> None:
     """Stops a process; returns when all of its threads have stopped: until then one may still answer."""
     process.send_signal(signal.SIGSTOP)

@@ -8,7 +8,7 @@ import threading
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from support import stop_all, tiny, wait_until
+from support import first_answer, stop_all, tiny, wait_until
 
 import marble
 from marble.calls import links
@@ -67,17 +67,9 @@ def test_a_server_without_answers_is_left_after_20_updates(open_session, start_s
     for k in range(20):
         with pytest.raises(marble.DeadlineExceeded):
             session.update(c0=float(k), deadline=SOON)
-    answers = []
-
-    def is_there():
-        try:
-            answers.append(session.update(deadline=0.2))
-        except (marble.DeadlineExceeded, marble.Unavailable):
-            return False
-        return True
-
-    assert wait_until(is_there) and session.reopened == 1
-    assert answers[0].reopened and answers[0].objective == pytest.approx(18.0)  # of c0 = 19
+    answer = first_answer(session, 0.2)
+    assert session.reopened == 1
+    assert answer.reopened and answer.objective == pytest.approx(18.0)  # of c0 = 19
     _goes_on(busy)
 
 

@@ -8,7 +8,7 @@ import signal
 
 import numpy as np
 import pytest
-from support import Absence, check, long_solve, random_problem, stop_all, tiny, wait_until
+from support import Absence, check, first_answer, long_solve, random_problem, stop_all, tiny, wait_until
 
 import marble
 from marble.base import contract
@@ -105,17 +105,7 @@ def test_what_may_not_wait_leaves_its_numbers_and_the_session(open_session, star
         session.update(c0=5.0, deadline=0.05)
     assert session.is_open and session.problem.c0 == 5.0
     start_server(listen=server.address)
-    answers = []
-
-    def answered():
-        try:
-            answers.append(session.update(deadline=0.5))
-        except (marble.Unavailable, marble.DeadlineExceeded):
-            return False
-        return True
-
-    assert wait_until(answered)
-    assert answers[-1].objective == pytest.approx(4.0) and session.reopened == 1
+    assert first_answer(session, 0.5).objective == pytest.approx(4.0) and session.reopened == 1
 
 
 def test_it_tries_again_after_its_time_to_wait(open_session, start_server):

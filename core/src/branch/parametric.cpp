@@ -134,7 +134,7 @@ bool Parametric::direction(Index prescribed, double prescribed_rate, Index drive
 }
 
 // The same for rates without the changed rows: those of a response, or of a change of the numbers.
-bool Parametric::direction(const double* fixed_part, double prescribed_rate, Index driven) {
+bool Parametric::direction(const double* fixed_part, double fixed_rate, Index driven) {
   const int count = static_cast<int>(changed_.size());
   if (count > tuning::rows_apart || kkt_.interrupt().requested()) return false;
   for (int b = 0; b < count; ++b) {
@@ -146,7 +146,7 @@ bool Parametric::direction(const double* fixed_part, double prescribed_rate, Ind
     const Index row = changed_[a].row;
     if (!start_.held[row]) bordered_[a * count + a] += 1.0 / rho_;
     right_side_[a] =
-        (row == driven ? -1.0 : 0.0) - (fixed_part == nullptr ? 0.0 : prescribed_rate * fixed_part[row]);
+        (row == driven ? -1.0 : 0.0) - (fixed_part == nullptr ? 0.0 : fixed_rate * fixed_part[row]);
   }
   if (count > 0) {
     const int one = 1;
@@ -155,7 +155,7 @@ bool Parametric::direction(const double* fixed_part, double prescribed_rate, Ind
     if (info != 0) return false;
   }
   if (fixed_part != nullptr) {
-    value_rate_ = prescribed_rate * Eigen::Map<const Vector>(fixed_part, rows_);
+    value_rate_ = fixed_rate * Eigen::Map<const Vector>(fixed_part, rows_);
   } else {
     value_rate_.setZero();
   }

@@ -79,7 +79,7 @@ class Parametric {
   void reset();
   [[nodiscard]] const double* response(Index row);
   [[nodiscard]] bool direction(Index prescribed, double prescribed_rate, Index driven);
-  [[nodiscard]] bool direction(const double* unbordered, double unbordered_rate, Index driven);
+  [[nodiscard]] bool direction(const double* fixed_part, double fixed_rate, Index driven);
   [[nodiscard]] Index first_event(double& length, Index driven) const;
   void advance(double length);
   void toggle(Index row);

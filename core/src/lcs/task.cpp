@@ -49,17 +49,16 @@ std::string field_of(const char* field, bool per_stage, std::size_t stage) {
   return per_stage ? std::string(field) + "[" + std::to_string(stage) + "]" : std::string(field);
 }
 
-// Limits of every stage, given for all or for each; of an absent one, `none`. `rows`: of a step, the limits
-// that it replaces, whose rows it must have.
-Expected<std::vector<double>> limits_of(std::span<const double> given, Index size, Index stages, double none,
-                                        const char* field, const std::vector<double>* rows = nullptr) {
+// Takes limits of every stage, given for all or for each; absent ones keep their values. Those of a step have
+// the rows of the limits that they replace.
+Expected<void> take(std::vector<double>& to, std::span<const double> given, Index size, Index stages,
+                    double none, const char* field, bool of_step) {
   const std::size_t width = static_cast<std::size_t>(size), all = product(stages, size);
-  if (given.empty()) return std::vector<double>(all, none);
+  if (given.empty()) return {};
   if (given.size() != width && given.size() != all) {
     return unexpected(invalid(field, std::to_string(given.size()),
                               "must have " + std::to_string(width) + " entries, or " +
-                                  std::to_string(stages) + " times as many" +
-                                  (rows == nullptr ? ", or none" : "")));
+                                  std::to_string(stages) + " times as many" + (of_step ? "" : ", or none")));
   }
   std::vector<double> limits(all);
   const bool per_stage = given.size() > width;
@@ -72,13 +71,28 @@ Expected<std::vector<double>> limits_of(std::span<const double> given, Index siz
     if (std::isnan(limit) || limit == -none)
       return wrong(none > 0.0 ? "must be a number or infinity" : "must be a number or -infinity");
     if (std::abs(limit) >= infinite_limit && std::signbit(limit) == std::signbit(none)) limit = none;
-    const bool has_row = std::isfinite(rows == nullptr ? limits[i % width] : (*rows)[i % width]);
+    const bool has_row = std::isfinite(of_step ? to[i % width] : limits[i % width]);
     if (std::isfinite(limit) == has_row) continue;
-    if (rows == nullptr) return wrong("must be finite in all stages or in none");
+    if (!of_step) return wrong("must be finite in all stages or in none");
     return wrong(has_row ? "must be finite, as at the beginning: the rows of the LCQP are fixed"
                          : "must be infinite, as at the beginning: the LCQP has no row for it");
   }
-  return limits;
+  to = std::move(limits);
+  return {};
+}
+
+// `given`: a task or a step.
+template <class Given>
+Expected<void> take_limits(const CheckedTask& task, const Given& given, bool of_step, LcsLimits& to) {
+  const auto take_one = [&](std::vector<double>& limits, std::span<const double> values, Index size,
+                            double none, const char* field) {
+    return take(limits, values, size, task.stages, none, field, of_step);
+  };
+  auto valid = take_one(to.x_lb, given.x_lb, task.states, -kInfinity, "x_lb");
+  if (valid) valid = take_one(to.x_ub, given.x_ub, task.states, kInfinity, "x_ub");
+  if (valid) valid = take_one(to.u_lb, given.u_lb, task.inputs, -kInfinity, "u_lb");
+  if (valid) valid = take_one(to.u_ub, given.u_ub, task.inputs, kInfinity, "u_ub");
+  return valid;
 }
 
 // `given`: the larger size of the limits as given.
@@ -93,6 +107,15 @@ Expected<void> check_order(const std::vector<double>& lower, const std::vector<d
                               std::string("must be >= ") + lower_field + ", " + text_of(lower[i])));
   }
   return {};
+}
+
+template <class Given>
+Expected<void> check_orders(const CheckedTask& task, const Given& given, const LcsLimits& limits) {
+  auto valid = check_order(limits.x_lb, limits.x_ub, task.states,
+                           std::max(given.x_lb.size(), given.x_ub.size()), "x_lb", "x_ub");
+  if (!valid) return valid;
+  return check_order(limits.u_lb, limits.u_ub, task.inputs, std::max(given.u_lb.size(), given.u_ub.size()),
+                     "u_lb", "u_ub");
 }
 
 double weighted(const SmallLcp::ConstMap& W, const ConstVectorMap& v, const ConstVectorMap& at) {
@@ -156,33 +179,19 @@ Expected<void> CheckedTask::take_weights(const LCS& lcs, const LcsTask& task) {
 }
 
 Expected<void> CheckedTask::take_bounds(const LcsTask& task) {
-  Expected<void> valid;
-  const auto take = [&](std::vector<double>& to, std::span<const double> given, Index size, double none,
-                        const char* field) {
-    if (!valid) return;
-    if (auto made = limits_of(given, size, stages, none, field)) {
-      to = *std::move(made);
-    } else {
-      valid = unexpected(made.error());
-    }
+  const auto none = [&](Index size, double limit) {
+    return std::vector<double>(product(stages, size), limit);
   };
-  take(limits.x_lb, task.x_lb, states, -kInfinity, "x_lb");
-  take(limits.x_ub, task.x_ub, states, kInfinity, "x_ub");
-  take(limits.u_lb, task.u_lb, inputs, -kInfinity, "u_lb");
-  take(limits.u_ub, task.u_ub, inputs, kInfinity, "u_ub");
+  limits = {none(states, -kInfinity), none(states, kInfinity), none(inputs, -kInfinity),
+            none(inputs, kInfinity), none(inputs, kInfinity)};
+  Expected<void> valid = take_limits(*this, task, false, limits);
   if (valid && !task.max_u_change.empty() && task.max_u_change.size() != static_cast<std::size_t>(inputs)) {
     valid = unexpected(invalid("max_u_change", std::to_string(task.max_u_change.size()),
                                "must have " + std::to_string(inputs) + " entries, or none"));
   }
-  take(limits.max_u_change, task.max_u_change, inputs, kInfinity, "max_u_change");
-  if (valid) {
-    valid = check_order(limits.x_lb, limits.x_ub, states, std::max(task.x_lb.size(), task.x_ub.size()),
-                        "x_lb", "x_ub");
-  }
-  if (valid) {
-    valid = check_order(limits.u_lb, limits.u_ub, inputs, std::max(task.u_lb.size(), task.u_ub.size()),
-                        "u_lb", "u_ub");
-  }
+  if (valid)
+    valid = take(limits.max_u_change, task.max_u_change, inputs, stages, kInfinity, "max_u_change", false);
+  if (valid) valid = check_orders(*this, task, limits);
   if (!valid) return valid;
   const auto negative = std::ranges::find_if(limits.max_u_change, [](double change) { return change < 0.0; });
   if (negative != limits.max_u_change.end()) {
@@ -207,28 +216,8 @@ Expected<void> CheckedTask::take_bounds(const LcsTask& task) {
 
 Expected<LcsLimits> CheckedTask::limits_after(const LcsStep& step) const {
   LcsLimits made = limits;
-  Expected<void> valid;
-  const auto take = [&](std::vector<double>& to, std::span<const double> given, Index size, double none,
-                        const char* field) {
-    if (!valid || given.empty()) return;
-    if (auto taken = limits_of(given, size, stages, none, field, &to)) {
-      to = *std::move(taken);
-    } else {
-      valid = unexpected(taken.error());
-    }
-  };
-  take(made.x_lb, step.x_lb, states, -kInfinity, "x_lb");
-  take(made.x_ub, step.x_ub, states, kInfinity, "x_ub");
-  take(made.u_lb, step.u_lb, inputs, -kInfinity, "u_lb");
-  take(made.u_ub, step.u_ub, inputs, kInfinity, "u_ub");
-  if (valid) {
-    valid = check_order(made.x_lb, made.x_ub, states, std::max(step.x_lb.size(), step.x_ub.size()), "x_lb",
-                        "x_ub");
-  }
-  if (valid) {
-    valid = check_order(made.u_lb, made.u_ub, inputs, std::max(step.u_lb.size(), step.u_ub.size()), "u_lb",
-                        "u_ub");
-  }
+  auto valid = take_limits(*this, step, true, made);
+  if (valid) valid = check_orders(*this, step, made);
   if (!valid) return unexpected(valid.error());
   return made;
 }

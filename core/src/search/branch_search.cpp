@@ -105,8 +105,7 @@ bool BranchSearch::find(Run& run, ConstVectorRef initial_z, Stage& stage) {
 
 void BranchSearch::search_beside_segments(Run& run, ConstVectorRef initial_z) {
   const Run::Polishing polishing(run);
-  from_soft_start(run, initial_z, run.factorizations + options_.max_local_search_factorizations, false,
-                  incumbent_.best().objective);
+  search_below_incumbent(run, initial_z, run.factorizations + options_.max_local_search_factorizations);
 }
 
 bool BranchSearch::from_interior(Run& run, ConstVectorRef initial_z, Stage& stage) {
@@ -269,11 +268,11 @@ void BranchSearch::search_near(Run& run, ConstVectorRef initial_z) {
   point_.restore(incumbent_.best().x, incumbent_.best().set);
   switch_near_incumbent(run, tuning::search_patience, last, "warm start, local search");
   if (pulling(incumbent_) >= tuning::many_pulling)
-    search_from_penalized_start(run, initial_z, std::min(last, run.factorizations + tuning::engine_budget));
+    search_below_incumbent(run, initial_z, std::min(last, run.factorizations + tuning::engine_budget));
 }
 
-// Searches for branches that are lower than the incumbent's.
-void BranchSearch::search_from_penalized_start(Run& run, ConstVectorRef initial_z, int last_factorization) {
+// From a soft start, as long as that may still end below the incumbent.
+void BranchSearch::search_below_incumbent(Run& run, ConstVectorRef initial_z, int last_factorization) {
   from_soft_start(run, initial_z, last_factorization, false, incumbent_.best().objective);
 }
 
@@ -300,7 +299,7 @@ bool BranchSearch::start_from(Run& run, const Iterate& solution, double referenc
   const Run::Polishing polishing(run);
   const int budget = std::min(2 * tuning::engine_budget, options_.max_local_search_factorizations);
   searched_z_ = incumbent_.best().x.z();  // a copy: the search replaces the incumbent
-  search_from_penalized_start(run, searched_z_, run.factorizations + budget);
+  search_below_incumbent(run, searched_z_, run.factorizations + budget);
   steps_ = 0;
   has_searched_ = !run.interrupted();  // a search that was cut off is no reference for later objectives
   return true;

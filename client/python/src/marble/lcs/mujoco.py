@@ -59,15 +59,17 @@ class Linearizer:
             raise InvalidArgument("model", "must be a mujoco.MjModel", value=type(model).__name__)
         if isinstance(joint_limits, str) and joint_limits not in ("pairs", "bounds"):
             raise InvalidArgument("joint_limits", 'must be False, True, "pairs" or "bounds"', value=repr(joint_limits))
-        has_bounds = joint_limits == "bounds"
+        has_bounds = isinstance(joint_limits, str) and joint_limits == "bounds"
+        if isinstance(joint_limits, str):
+            joint_limits = not has_bounds  # as pairs
         self._settings = Settings.of(model.opt.timestep if dt is None else dt, contact, num_directions, max_gap,
-                                     stiffness, joint_limits if not isinstance(joint_limits, str) else not has_bounds)
+                                     stiffness, joint_limits)
         _check_supported(model, ignore)
         self._model = copy.copy(model)
         self._set_smooth()
         self._data = mj.MjData(self._model)
         self._shapes = [_shape(model, geom) for geom in range(model.ngeom)]
-        self._limits = _limited_joints(model) if joint_limits and not has_bounds else []
+        self._limits = _limited_joints(model) if joint_limits else []
         self._bounds = _limited_joints(model) if has_bounds else None
         for joint, side in self._bounds or ():
             if side == "angle":
