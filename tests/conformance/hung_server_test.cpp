@@ -1,8 +1,11 @@
 // Sessions whose server hangs: it is stopped by SIGSTOP, and goes on by SIGCONT.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <limits>
+#include <optional>
+#include <vector>
 
 #include "marble/client.h"
 #include "support/server_process.h"
@@ -14,22 +17,35 @@ namespace {
 using Seconds = std::chrono::duration<double>;
 constexpr Seconds kSoon(0.02), kLong(60.0);
 
+// Returns when all threads have stopped: until then one may still answer.
+void stop(ServerProcess& server) {
+  server.send(SIGSTOP);
+  ASSERT_TRUE(eventually([&] {
+    const std::string tasks = "/proc/" + std::to_string(server.pid()) + "/task";
+    for (const auto& task : std::filesystem::directory_iterator(tasks)) {
+      std::ifstream file(task.path() / "stat");
+      const std::string text{std::istreambuf_iterator<char>(file), {}};
+      if (text.compare(text.rfind(')') + 2, 1, "T") != 0) return false;
+    }
+    return true;
+  }));
+}
+
+constexpr int kVariables = 30'000;  // updates of 240 kB, and a window of 64 kB
+
+OwnedProblem large_problem() {
+  OwnedProblem problem;
+  problem.g.assign(kVariables, 1.0);
+  problem.Q = {kVariables, kVariables, {0}, {}, std::vector<double>(kVariables, 1.0)};
+  for (int i = 0; i < kVariables; ++i) {
+    problem.Q.row_indices.push_back(i);
+    problem.Q.column_pointers.push_back(i + 1);
+  }
+  return problem;
+}
+
 class HungServer : public ::testing::TestWithParam<bool> {
  protected:
-  // Returns when all threads have stopped: until then one may still answer.
-  static void stop(ServerProcess& server) {
-    server.send(SIGSTOP);
-    ASSERT_TRUE(eventually([&] {
-      const std::string tasks = "/proc/" + std::to_string(server.pid()) + "/task";
-      for (const auto& task : std::filesystem::directory_iterator(tasks)) {
-        std::ifstream file(task.path() / "stat");
-        const std::string text{std::istreambuf_iterator<char>(file), {}};
-        if (text.compare(text.rfind(')') + 2, 1, "T") != 0) return false;
-      }
-      return true;
-    }));
-  }
-
   static void expect_no_answer(Session& session, const ProblemUpdate& update, Seconds deadline = kSoon) {
     const auto answer = session.solve(update, {.deadline = deadline});
     ASSERT_FALSE(answer.has_value());
@@ -66,14 +82,7 @@ TEST_P(HungServer, UpdatesReturnInTimeAndTheNextOneWorksOnceItGoesOn) {
 }
 
 TEST_P(HungServer, UpdatesForWhichItHasNoRoomAreSentWhenItGoesOn) {
-  constexpr int kVariables = 30'000;  // updates of 240 kB, and a window of 64 kB
-  OwnedProblem problem;
-  problem.g.assign(kVariables, 1.0);
-  problem.Q = {kVariables, kVariables, {0}, {}, std::vector<double>(kVariables, 1.0)};
-  for (int i = 0; i < kVariables; ++i) {
-    problem.Q.row_indices.push_back(i);
-    problem.Q.column_pointers.push_back(i + 1);
-  }
+  const OwnedProblem problem = large_problem();
   const Client client = Client::connect(server_.address()).value();
   auto session = client.open_session(problem.view(), {}, {.reopen = GetParam()}).value();
   ASSERT_TRUE(session.solve({}, {.deadline = kLong}).has_value());
@@ -88,6 +97,32 @@ TEST_P(HungServer, UpdatesForWhichItHasNoRoomAreSentWhenItGoesOn) {
   const auto answer = session.solve({}, {.deadline = kLong});
   ASSERT_TRUE(answer.has_value()) << answer.error().message();
   EXPECT_NEAR(answer->objective, 3.0 - 12.5 * kVariables, 1e-3);
+}
+
+TEST_P(HungServer, FirstPartsForWhichItHasNoRoomAreRefused) {
+  const OwnedProblem problem = large_problem();
+  const Client client = Client::connect(server_.address()).value();
+  auto session =
+      client.open_session(problem.view(), {}, {.reopen = GetParam(), .answer_grace = kSoon}).value();
+  ASSERT_TRUE(session.solve({}, {.deadline = kLong}).has_value());
+  stop(server_);
+  int taken = 0;
+  const auto prepare = [&] {
+    const std::vector<double> g(kVariables, 2.0 + taken);
+    return session.prepare({.g = g});
+  };
+  Expected<std::int64_t> sent = prepare();
+  for (; sent && taken < 1000; sent = prepare()) ++taken;
+  ASSERT_FALSE(sent.has_value());
+  EXPECT_EQ(sent.error().code, ErrorCode::unavailable);
+  EXPECT_EQ(sent.error().message(), "16 messages wait for the server to receive them");
+  EXPECT_GE(taken, 16);
+  EXPECT_TRUE(session.is_open());
+  server_.send(SIGCONT);
+  const auto answer = session.solve({}, {.deadline = kLong});
+  ASSERT_TRUE(answer.has_value()) << answer.error().message();
+  EXPECT_FALSE(answer->reopened);
+  EXPECT_NEAR(answer->objective, -0.5 * (1.0 + taken) * (1.0 + taken) * kVariables, 1e-3);
 }
 
 TEST_P(HungServer, ItIsLeftAfterTwentyUpdatesWithoutAnAnswer) {
@@ -147,6 +182,72 @@ TEST_P(HungServer, ClosingDoesNotWaitForIt) {
 
 INSTANTIATE_TEST_SUITE_P(Sessions, HungServer, ::testing::Bool(),
                          [](const auto& of) { return of.param ? "Reopened" : "Plain"; });
+
+// Updates that the draining server refuses, while the next one hangs.
+TEST(LateReopening, HasTheNumbersPreparedMeanwhile) {
+  const std::vector<std::string> flags = {"--drain-grace-s", "3600"};
+  ServerProcess one{MARBLE_SERVER_BINARY, flags}, other{MARBLE_SERVER_BINARY, flags};
+  OwnedProblem problem = public_example().problem;
+  const Client client = Client::connect(one.address() + "," + other.address()).value();
+  auto session = client.open_session(problem.view(), {}, {.reopen = true}).value();
+  ASSERT_TRUE(session.solve({}, {.deadline = kLong}).has_value());
+  const bool at_one = Client::connect(one.address())->info()->sessions > 0;
+  ServerProcess &left = at_one ? one : other, &next = at_one ? other : one;
+  stop(next);
+  left.terminate();
+  const auto is_late = [&] {
+    const auto answer = session.solve({}, {.deadline = Seconds(0.2)});
+    return !answer && answer.error().code == ErrorCode::unavailable;
+  };
+  ASSERT_TRUE(eventually(is_late));
+  for (double& cost : problem.g) cost -= 1.0;
+  EXPECT_TRUE(session.prepare({.g = problem.g}).has_value());
+  EXPECT_TRUE(is_late());
+  next.send(SIGCONT);
+  const auto answer = session.solve();
+  ASSERT_TRUE(answer.has_value()) << answer.error().message();
+  EXPECT_TRUE(answer->reopened);
+  EXPECT_NEAR(answer->objective, solve_in_process(problem.view())->objective, 1e-6);
+}
+
+// Of three servers one dies and two hang, of which one goes on. Updates with deadlines have set sessions up
+// at any.
+TEST(LateReopening, LeavesAServerThatHangsWithoutADeadlineToo) {
+  std::optional<ServerProcess> servers[3];
+  std::string addresses;
+  for (auto& server : servers)
+    addresses += (addresses.empty() ? "" : ",") + server.emplace(MARBLE_SERVER_BINARY).address();
+  const OwnedProblem problem = public_example().problem;
+  const ConnectOptions patient = {
+      .keepalive = {.silence = Seconds(3600.0)}};  // which notices no server that hangs
+  const Client client = Client::connect(addresses, patient).value();
+  std::vector<Session> sessions;
+  const auto has_some = [](const auto& server) {
+    return Client::connect(server->address())->info()->sessions > 2;
+  };
+  ASSERT_TRUE(eventually([&] {
+    sessions.push_back(
+        client.open_session(problem.view(), {}, {.reopen = true, .reopen_wait = kLong}).value());
+    return std::all_of(std::begin(servers), std::end(servers), has_some);
+  }));
+  servers[0].reset();
+  stop(*servers[1]);
+  stop(*servers[2]);
+  std::vector<Session*> lost;
+  for (Session& session : sessions) {
+    const auto late = session.solve({}, {.deadline = kSoon});
+    ASSERT_FALSE(late.has_value());
+    if (late.error().code == ErrorCode::unavailable) lost.push_back(&session);
+  }
+  EXPECT_GE(lost.size(), 3U);
+  servers[1]->send(SIGCONT);
+  for (Session* session : lost) {
+    const auto answer = session->solve();
+    ASSERT_TRUE(answer.has_value()) << answer.error().message();
+    EXPECT_TRUE(answer->reopened);
+  }
+  servers[2]->send(SIGCONT);
+}
 
 TEST(AnswerGrace, MustBeInItsRange) {
   const OwnedProblem problem = public_example().problem;

@@ -108,9 +108,10 @@ class Session {
   /// the numbers with shift, options and start, and factorizes for the branch on which the solve will begin.
   /// A first part has no result of its own; if the server rejects it, the following solve() returns the
   /// error, or next() does. An older server solves it, which takes the time of a solve; the second part then
-  /// starts from that solution. It never waits for the server. Errors: invalid_argument, as solve(); if the
-  /// server is lost, unavailable, from here or from the following solve(), which ends the session; with
-  /// `reopen` no error yet.
+  /// starts from that solution. If 16 messages have not left, because the server hangs, it waits for them
+  /// at most the answer_grace. Errors: unavailable if they have not left then, and the part changes nothing;
+  /// invalid_argument, as solve(); if the server is lost, unavailable, from here or from the following
+  /// solve(), which ends the session; with `reopen` no error yet.
   [[nodiscard]] Expected<std::int64_t> prepare(const ProblemUpdate& update,
                                                const UpdateControls& controls = {});
 

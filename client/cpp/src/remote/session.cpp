@@ -39,6 +39,10 @@ constexpr int kMostMisses = 20;
   return failure(ErrorCode::deadline_exceeded, text);
 }
 
+[[nodiscard]] Error not_opened() {
+  return failure(ErrorCode::unavailable, "the session was not opened again in time");
+}
+
 // Two locks, because one thread may write a stream while another one reads. A thread whose write failed also
 // takes `reading`, and reads on to learn the reason.
 struct SessionStream {
@@ -54,6 +58,9 @@ struct SessionStream {
   [[nodiscard]] Expected<bool> await_ready(Clock::time_point end);
   [[nodiscard]] Expected<std::int64_t> send(const ProblemUpdate& update, const UpdateControls& controls,
                                             bool first_part = false) ABSL_EXCLUSIVE_LOCKS_REQUIRED(writing);
+  [[nodiscard]] Expected<std::int64_t> send_first_part(const ProblemUpdate& update,
+                                                       const UpdateControls& controls, Seconds grace)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(writing);
   [[nodiscard]] Expected<void> wait_sent() ABSL_EXCLUSIVE_LOCKS_REQUIRED(writing);
   // Returns nothing at the end of the stream, or if `end` comes before: then `over` is not set.
   [[nodiscard]] std::optional<SessionEvent> read(Clock::time_point end = SessionWire::kForever)
@@ -148,6 +155,16 @@ Expected<std::int64_t> SessionStream::send(const ProblemUpdate& update, const Up
   }
   wire->write(*std::move(request));
   return sequence;
+}
+
+// A caller that only prepares would otherwise fill the memory while the server hangs.
+Expected<std::int64_t> SessionStream::send_first_part(const ProblemUpdate& update,
+                                                      const UpdateControls& controls, Seconds grace) {
+  if (!over && !wire->wait_room(Clock::now() + std::chrono::duration_cast<Clock::duration>(grace))) {
+    return unexpected(failure(ErrorCode::unavailable, std::to_string(SessionWire::kMostUnsent) +
+                                                          " messages wait for the server to receive them"));
+  }
+  return send(update, controls, true);
 }
 
 Expected<void> SessionStream::wait_sent() {
@@ -328,9 +345,9 @@ Expected<std::int64_t> RemoteSession::prepare(const ProblemUpdate& update, const
   // A set-up that is under way was sent without these numbers; they follow it.
   SessionStream& stream = opening_ != nullptr ? *opening_ : *stream_;
   const MutexLock lock(stream.writing);
-  auto sent = stream.send(update, controls, true);
+  auto sent = stream.send_first_part(update, controls, grace_);
   if (stream_->memory == nullptr) return sent;
-  const bool lost = !sent && sent.error().code == ErrorCode::unavailable;
+  const bool lost = !sent && stream.over && sent.error().code == ErrorCode::unavailable;
   if (sent || lost) stream_->memory->take_first_part(update, controls);
   if (lost) return stream.sequence;  // solve() opens the session elsewhere
   return sent;
@@ -366,7 +383,9 @@ Expected<RemoteSolution> RemoteSession::solve(const ProblemUpdate& update, const
   const auto end = longest < kLongestWait
                        ? Clock::now() + std::chrono::duration_cast<Clock::duration>(longest)
                        : SessionWire::kForever;
-  auto answer = stream_->solve(update, controls, end, grace_);
+  // A server is left for good once a set-up on the next one is under way, to which first parts are sent.
+  auto answer = opening_ == nullptr ? stream_->solve(update, controls, end, grace_)
+                                    : Expected<RemoteSolution>(unexpected(not_opened()));
   const auto lost = [&] {
     return stream_->memory != nullptr && !answer && answer.error().code == ErrorCode::unavailable;
   };
@@ -390,8 +409,6 @@ Expected<RemoteSolution> RemoteSession::solve(const ProblemUpdate& update, const
 }
 
 Expected<void> RemoteSession::reopen(const UpdateControls& next, Clock::time_point end) {
-  // One that takes much longer than the last server counts as one that hangs.
-  if (opening_ != nullptr && Clock::now() - opening_since_ > Seconds(1.0 + 10.0 * setup_s)) opening_.reset();
   if (opening_ == nullptr) {
     std::int64_t sent = 0;
     {
@@ -406,10 +423,14 @@ Expected<void> RemoteSession::reopen(const UpdateControls& next, Clock::time_poi
       return begun;
     }
   }
-  const auto made = opening_->await_ready(end);
-  if (made && !*made)
-    return unexpected(
-        failure(ErrorCode::unavailable, "the session was not opened again before the deadline"));
+  // One that takes much longer than the last server counts as one that hangs.
+  const Seconds longest = std::min(kLongestWait, std::max(Seconds(1.0), Seconds(1.0 + 10.0 * setup_s)));
+  const auto hangs = opening_since_ + std::chrono::duration_cast<Clock::duration>(longest);
+  const auto made = opening_->await_ready(std::min(end, hangs));
+  if (made && !*made) {
+    if (Clock::now() >= hangs) opening_.reset();
+    return unexpected(not_opened());
+  }
   auto opened = std::move(opening_);
   if (!made) return unexpected(made.error());
   opened->memory = std::move(stream_->memory);

@@ -37,10 +37,15 @@ SessionWire::~SessionWire() {
 
 void SessionWire::write(v1::SessionRequest request) {
   const MutexLock lock(mutex_);
-  // Otherwise no thread may have looked at the queue since the last one has left.
+  // Polls once: a write that has completed is still pending until a thread polls the queue.
   if (!wait(write_, Clock::now())) return outbox_.push_back(std::move(request));
   start(write_);
   stream_->Write(request, &write_);
+}
+
+bool SessionWire::wait_room(Clock::time_point end) {
+  const MutexLock lock(mutex_);
+  return outbox_.size() < kMostUnsent || wait(write_, end) || outbox_.size() < kMostUnsent;
 }
 
 bool SessionWire::wait_written() {

@@ -20,6 +20,7 @@ class SessionWire {
   using Clock = std::chrono::steady_clock;
   enum class Outcome { done, late, over };
   static constexpr Clock::time_point kForever = Clock::time_point::max();
+  static constexpr std::size_t kMostUnsent = 16;
 
   /// Starts the call. Both must outlive the stream.
   SessionWire(v1::Solver::Stub& solver, grpc::ClientContext& context);
@@ -30,6 +31,8 @@ class SessionWire {
 
   /// Sends a message after those before it, without waiting.
   void write(v1::SessionRequest request) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Waits while kMostUnsent messages or more have not left. Returns false if `end` comes first.
+  [[nodiscard]] bool wait_room(Clock::time_point end) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Waits until all messages have left: the server may hold them back. Returns false once the stream is
   /// over.
   [[nodiscard]] bool wait_written() ABSL_LOCKS_EXCLUDED(mutex_);
