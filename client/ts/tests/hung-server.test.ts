@@ -1,7 +1,7 @@
 // Sessions whose server hangs: it is stopped by SIGSTOP, and goes on by SIGCONT.
 import assert from "node:assert/strict";
 
-import { DeadlineError, InvalidProblemError, UnavailableError, connect } from "@marble/client";
+import { CancelledError, DeadlineError, InvalidProblemError, UnavailableError, connect } from "@marble/client";
 
 import { corner } from "./support/problems.js";
 import { Server, eventually } from "./support/server.js";
@@ -57,6 +57,18 @@ test("without reopen the session ends then, and closing waits for no silent serv
   await assert.rejects(ending.update(), UnavailableError);
   await assert.rejects(closing.update({}, soon), DeadlineError);
   await closing.close();
+  server.signal("SIGCONT");
+});
+
+test("closing waits for no silent server whose last update waited for an earlier one", async () => {
+  await using server = await Server.start();
+  using client = connect(server.address);
+  const session = await client.session(corner);
+  await server.stop();
+  const earlier = session.update();
+  await assert.rejects(session.update({}, soon), DeadlineError);
+  await session.close();
+  await assert.rejects(earlier, CancelledError); // not the end of a keepalive
   server.signal("SIGCONT");
 });
 

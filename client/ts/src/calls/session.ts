@@ -101,6 +101,7 @@ export class Session implements AsyncDisposable {
   private wake: () => void = () => undefined;
   private lostCause?: MarbleError; // while there is no server
   private misses = 0; // updates in a row that were not answered in time
+  private lastMissed = false; // no result has come since
   private hung?: MarbleError; // why the stream was given up
 
   private constructor(
@@ -226,6 +227,7 @@ export class Session implements AsyncDisposable {
     const sent = this.sent.get(sequence);
     if (sent?.waiting === undefined) return;
     this.leaveToNext(sequence, sent.message);
+    this.lastMissed = true;
     // A server that solves an earlier update need not hang.
     const busy = [...this.sent].some(([number, { waiting }]) => number < sequence && waiting !== undefined);
     if (!busy) this.misses += 1;
@@ -256,7 +258,7 @@ export class Session implements AsyncDisposable {
   async close(): Promise<void> {
     if (this.end === undefined) {
       this.end = ended();
-      if (this.misses > 0) this.aborter.abort();
+      if (this.lastMissed) this.aborter.abort();
       else this.stream?.end();
       this.wake();
     }
@@ -340,6 +342,7 @@ export class Session implements AsyncDisposable {
     }
     this.epoch += 1;
     this.restartsSeen = this.misses = 0;
+    this.lastMissed = false;
     this.ready = stream.ready;
     this.stream = stream;
     this.lostCause = undefined;
@@ -358,8 +361,9 @@ export class Session implements AsyncDisposable {
     const { sequence } = event.value;
     const sent = this.sent.get(sequence);
     const error = event.$case === "error" ? errorOfStatus(expect(event.value.status)) : undefined;
-    // A draining server has not taken the update; the next server will.
     this.misses = 0;
+    this.lastMissed = false;
+    // A draining server has not taken the update; the next server will.
     if (sent === undefined || (this.memory !== undefined && isLost(error))) return;
     if (sent.givenUp) {
       if (isInvalid(error)) this.settle(sequence, error);
