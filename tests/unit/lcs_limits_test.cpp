@@ -124,7 +124,7 @@ TEST(LcsLimits, OfAStepAreNamedWhereTheyAreWrongAndChangeNothing) {
     return planner.begin(step).error().message();
   };
   const Values good = rows({1.0}), low = rows({1.0, 1.0, 1.0}), u_nan = {kNan}, u_high = {10.0},
-               short_row = {1.0};
+               u_low = {-10.0}, short_row = {1.0};
   EXPECT_EQ(refusal({.x_ub = short_row}), "x_ub = 1: must have 4 entries, or 3 times as many");
   Values bad = low;
   bad[4] = kNone;
@@ -137,8 +137,19 @@ TEST(LcsLimits, OfAStepAreNamedWhereTheyAreWrongAndChangeNothing) {
   EXPECT_EQ(refusal({.x_lb = bad}),
             "x_lb[1] = -1: must be infinite, as at the beginning: the LCQP has no row for it");
   EXPECT_EQ(refusal({.u_lb = u_nan}), "u_lb[0] = nan: must be a number or -infinity");
-  EXPECT_EQ(refusal({.x_ub = good, .u_lb = u_high}), "u_ub[0] = 9: must be >= u_lb, 10");
+  EXPECT_EQ(refusal({.x_ub = good, .u_lb = u_high}), "u_lb[0] = 10: must be <= u_ub, 9");
+  EXPECT_EQ(refusal({.u_lb = u_high, .u_ub = u_low}), "u_ub[0] = -10: must be >= u_lb, 10");
   EXPECT_EQ(Values(planner.problem().d.begin(), planner.problem().d.end()), before);
+}
+
+// Of a limit that stays, the stages count too.
+TEST(LcsLimits, OfAStepAreNamedAgainstThoseThatStay) {
+  LcsTask task = limited();
+  task.u_ub = {9.0, 8.0, 7.0};
+  auto planner = LcsPlanner::create(cart_pole().view(), task).value();
+  const Values u_lb = {7.5};
+  EXPECT_EQ(planner.begin({.x0 = kState, .u_lb = u_lb}).error().message(),
+            "u_lb[2][0] = 7.5: must be <= u_ub, 7");
 }
 
 }  // namespace

@@ -129,7 +129,7 @@ struct LcsStep {
   std::span<const double> u = {};
   Index shift = 1;  ///< in [0, N]: stages by which the last plan moves on before it is rolled out
   /// nx, or N × nx: limits of stages 1 … N, finite exactly where the task's are, and x_lb ≤ x_ub with those
-  /// that keep their values. They do not move on with the plan.
+  /// that keep their values. They are not shifted with the plan.
   std::span<const double> x_lb = {};
   std::span<const double> x_ub = {};  ///< as x_lb
   std::span<const double> u_lb = {};  ///< nu, or N × nu: as x_lb, of stages 0 … N − 1

@@ -95,27 +95,37 @@ Expected<void> take_limits(const CheckedTask& task, const Given& given, bool of_
   return valid;
 }
 
-// `given`: the larger size of the limits as given.
-Expected<void> check_order(const std::vector<double>& lower, const std::vector<double>& upper, Index size,
-                           std::size_t given, const char* lower_field, const char* upper_field) {
+// Limits of all stages, and what was given of them.
+struct Side {
+  const std::vector<double>& limits;
+  std::span<const double> given;
+  const char* field;
+};
+
+// The error names limits that were given: the upper ones if both were.
+Expected<void> check_order(const Side& lower, const Side& upper, Index size) {
   const auto width = static_cast<std::size_t>(size);
-  const bool per_stage = given > width;
-  for (std::size_t i = 0; i < lower.size(); ++i) {
-    if (lower[i] <= upper[i]) continue;
-    return unexpected(invalid(field_of(upper_field, per_stage, i / width),
-                              static_cast<std::int64_t>(i % width), text_of(upper[i]),
-                              std::string("must be >= ") + lower_field + ", " + text_of(lower[i])));
+  const auto differs = [&](const Side& side) {  // by stage
+    const std::vector<double>& all = side.limits;
+    return side.given.size() > width || !std::equal(all.begin() + size, all.end(), all.begin());
+  };
+  const bool per_stage = differs(lower) || differs(upper), names_upper = !upper.given.empty();
+  const Side &named = names_upper ? upper : lower, &other = names_upper ? lower : upper;
+  for (std::size_t i = 0; i < lower.limits.size(); ++i) {
+    if (lower.limits[i] <= upper.limits[i]) continue;
+    return unexpected(invalid(field_of(named.field, per_stage, i / width),
+                              static_cast<std::int64_t>(i % width), text_of(named.limits[i]),
+                              std::string(names_upper ? "must be >= " : "must be <= ") + other.field + ", " +
+                                  text_of(other.limits[i])));
   }
   return {};
 }
 
 template <class Given>
 Expected<void> check_orders(const CheckedTask& task, const Given& given, const LcsLimits& limits) {
-  auto valid = check_order(limits.x_lb, limits.x_ub, task.states,
-                           std::max(given.x_lb.size(), given.x_ub.size()), "x_lb", "x_ub");
+  auto valid = check_order({limits.x_lb, given.x_lb, "x_lb"}, {limits.x_ub, given.x_ub, "x_ub"}, task.states);
   if (!valid) return valid;
-  return check_order(limits.u_lb, limits.u_ub, task.inputs, std::max(given.u_lb.size(), given.u_ub.size()),
-                     "u_lb", "u_ub");
+  return check_order({limits.u_lb, given.u_lb, "u_lb"}, {limits.u_ub, given.u_ub, "u_ub"}, task.inputs);
 }
 
 double weighted(const SmallLcp::ConstMap& W, const ConstVectorMap& v, const ConstVectorMap& at) {
