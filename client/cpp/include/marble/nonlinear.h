@@ -133,7 +133,7 @@ struct Settings {
   double feasibility_tolerance = 1e-6;         ///< violation of a solution, user units, > 0
   double radius = 1.0;                         ///< first radius of the trust region, > 0; may grow
   double largest_radius = 1e6;                 ///< ≥ radius
-  std::int32_t iteration_limit = 200;          ///< subproblems that are linearised or shrunk, ≥ 0
+  std::int32_t iteration_limit = 200;          ///< subproblems that are linearized or shrunk, ≥ 0
   double time_limit_s = 1e9;  ///< in total; each LCQP gets the remaining time as its deadline
   std::function<void(const Iteration&)> iteration = {};  ///< called after each iteration
   ProgressSink* progress = nullptr;                      ///< reports the progress of each LCQP
@@ -161,10 +161,10 @@ struct Answer {
   double objective = 0.0;     ///< θ
   double violation = 0.0;     ///< as Iteration::violation
   double kkt_residual = 0.0;  ///< max |∇θ + ∇c_Eᵀy − …| at x
-  /// True if d = 0 solves the problem linearised at x with its pairs: there is no descent direction that is
+  /// True if d = 0 solves the problem linearized at x with its pairs: there is no descent direction that is
   /// feasible to first order. Absent if the subproblem did not decide it.
   std::optional<bool> b_stationary;
-  Stationarity stationarity = Stationarity::unknown;  ///< of d = 0 in the linearised problem
+  Stationarity stationarity = Stationarity::unknown;  ///< of d = 0 in the linearized problem
   std::int32_t iterations = 0;                        ///< rows of the table
   std::int32_t ticks = 0;                             ///< LCQPs solved
   std::int32_t evaluations = 0;                       ///< calls of Problem::values

@@ -76,7 +76,7 @@ struct RealTimeTick {
   bool deadline_met = true;  ///< false if the deadline had passed when the LCQP ended
   std::string why = {};      ///< the reason if there is no solution; else empty
   double step = 0.0;         ///< max |d_j| / scale_j: how far the plan was off
-  /// Largest violation by the plan in the linearised rows, with the measurement; of the shifted plan if the
+  /// Largest violation by the plan in the linearized rows, with the measurement; of the shifted plan if the
   /// shifted or the kept plan was returned.
   double violation = 0.0;
   std::optional<bool> b_stationary;  ///< of the LCQP

@@ -36,7 +36,7 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
     const double share = B_->learns() && stalled_ == 0 ? tuning::learnt_share * stationary_ : stationary_;
     if (*found && step_is_small() && is_stationary(share) && violation() <= settings_.feasibility_tolerance &&
         radius_ > settings_.step_tolerance) {
-      auto sure = certified();  // d = 0 solves the linearised problem
+      auto sure = certified();  // d = 0 solves the linearized problem
       if (!sure) return unexpected(sure.error());
       if (*sure && is_stationary(stationary_)) return end(Status::solved, "the step is zero");
     }
@@ -144,7 +144,7 @@ Expected<bool> Loop::find_step() {
   return find_restoring_step();
 }
 
-// The first radius is a guess: if it excludes every point that meets the linearised rows, a wider one may
+// The first radius is a guess: if it excludes every point that meets the linearized rows, a wider one may
 // not. The merit still judges the step.
 Expected<bool> Loop::ask_wider() {
   const double first = radius_;

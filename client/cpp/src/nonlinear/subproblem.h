@@ -14,7 +14,7 @@
 
 namespace marble::nonlinear {
 
-/// The solution of a subproblem, and the linearised rows at it.
+/// The solution of a subproblem, and the linearized rows at it.
 struct Step {
   std::vector<double> d;
   double size = 0.0;  // max |d_j| / scale_j

@@ -71,7 +71,7 @@ class Settings:
     curvature: "exact", "gauss_newton", "bfgs" or "none"; "automatic" takes the first of the three for which there is
     what it needs. step_tolerance: longest step of a solved point, in units of scale. feasibility_tolerance: its largest
     violation. radius: the first one of the trust region; it grows, up to 1000 times, where no point within it meets the
-    linearised rows. progress: receives each Iteration.
+    linearized rows. progress: receives each Iteration.
 
     server: where the LCQPs are solved, each an update of a session; as in marble.solve: None is the server that
     MARBLE_SERVER names, and this process where it names none. The same bits. reopen: a session whose server is lost is
