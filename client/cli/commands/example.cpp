@@ -5,15 +5,18 @@
 #include "base/exit_code.h"
 #include "commands/commands.h"
 #include "marble/examples.h"
+#include "marble/macmpec.h"
 #include "marble/problem_file.h"
 #include "marble/published_examples.h"
+#include "output/text_table.h"
 
 namespace marble::cli {
 namespace {
 
 struct ExampleArguments {
   std::string name;
-  int steps = 0;  // 0: the example's default
+  std::string problem;  // of macmpec
+  int steps = 0;        // 0: the example's default
   std::uint64_t seed = 0;
   bool published = false;
 };
@@ -35,17 +38,43 @@ OwnedProblem problem(const ExampleArguments& arguments) {
   return examples::qpec({}, arguments.seed);
 }
 
-int run(const ExampleArguments& arguments) {
-  if (arguments.published && arguments.name == "qpec") {
-    complain("--paper is for hopper, rocket and gates: the paper has no qpec");
-    return kBadInput;
-  }
-  ProblemFile file;
-  file.problem = problem(arguments);
-  std::cout << write_problem(file, FileFormat::json) << std::flush;
-  if (std::cout) return kAllSolved;
-  complain("standard output cannot be written");
+int fails(const std::string& message) {
+  complain(message);
   return kBadInput;
+}
+
+int list_macmpec(const std::string& message) {
+  TextTable table({"problem", "variables", "pairs", "optimum"});
+  for (const examples::MacmpecProblem& each : examples::macmpec()) {
+    const OwnedProblem problem = each.problem();
+    table.add({std::string(each.name), std::to_string(problem.g.size()), std::to_string(problem.l.size()),
+               formatted("%.12g", each.optimum)});
+  }
+  complain(message);
+  std::cerr << table.text() << std::flush;
+  return kBadInput;
+}
+
+int print(const ProblemFile& file) {
+  std::cout << write_problem(file, FileFormat::json) << std::flush;
+  return std::cout ? kAllSolved : fails("standard output cannot be written");
+}
+
+int run(const ExampleArguments& arguments) {
+  const bool robot = arguments.name != "qpec" && arguments.name != "macmpec";
+  if (arguments.published && !robot)
+    return fails("--paper is for hopper, rocket and gates: the paper has no " + arguments.name);
+  if (arguments.steps > 0 && !robot) return fails("--steps is for hopper, rocket and gates");
+  if (arguments.name != "macmpec") {
+    if (!arguments.problem.empty()) return fails("PROBLEM is for macmpec");
+    return print({problem(arguments), {}, false});
+  }
+  if (arguments.seed != 0) return fails("--seed is for hopper, rocket, gates and qpec");
+  if (arguments.problem.empty()) return list_macmpec("macmpec needs PROBLEM, one of these:");
+  const examples::MacmpecProblem* const found = examples::find_macmpec(arguments.problem);
+  if (found == nullptr)
+    return list_macmpec("PROBLEM: \"" + arguments.problem + "\" is not a problem of macmpec. These are:");
+  return print({found->problem(), found->optimum, false});
 }
 
 }  // namespace
@@ -53,10 +82,13 @@ int run(const ExampleArguments& arguments) {
 void add_example(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<ExampleArguments>();
   CLI::App* command = program.add_subcommand(
-      "example", "Print one of the paper's robotics problems, or a random QPEC, as JSON");
-  command->add_option("NAME", arguments->name, "hopper, rocket, gates or qpec")
+      "example",
+      "Print one of the paper's robotics problems, a random QPEC or a problem of MacMPEC, as JSON");
+  command->add_option("NAME", arguments->name, "hopper, rocket, gates, qpec or macmpec")
       ->required()
-      ->check(CLI::IsMember({"hopper", "rocket", "gates", "qpec"}));
+      ->check(CLI::IsMember({"hopper", "rocket", "gates", "qpec", "macmpec"}));
+  command->add_option("PROBLEM", arguments->problem,
+                      "of macmpec, such as bard1; without it, the names are listed and the exit status is 2");
   CLI::Option* const steps =
       command
           ->add_option("--steps", arguments->steps, "number of stages of the horizon; default 60, 40 or 30")

@@ -10,6 +10,7 @@
 #include "base/interrupt.h"
 #include "commands/commands.h"
 #include "marble/examples.h"
+#include "marble/macmpec.h"
 #include "marble/published_examples.h"
 #include "research/aladin_figures.h"
 #include "research/comparison_arguments.h"
@@ -77,6 +78,13 @@ std::vector<ProblemFile> table_one() {
   problems[0].problem = examples::published_hopper();
   problems[1].problem = examples::published_gates();
   problems[2].problem = examples::published_rocket();
+  return problems;
+}
+
+std::vector<ProblemFile> macmpec() {
+  std::vector<ProblemFile> problems;
+  for (const examples::MacmpecProblem& each : examples::macmpec())
+    problems.push_back({each.problem(), each.optimum, false});
   return problems;
 }
 
@@ -184,13 +192,11 @@ int run(const ReproduceArguments& arguments) {
   if (arguments.what == "ra-bt6") return reproduce_retrospective(arguments);
   const bool table = arguments.what == "table1";
   if (table && !arguments.files.empty()) return fails("table1 has problems of its own, and no FILE");
-  if (arguments.what == "figure4" && arguments.files.empty())
-    return fails("figure4 needs FILE ...: the problems of MacMPEC");
   if (table) return reproduce(arguments, table_one(), "Table I", kTableOne);
   const auto problems = read_all(arguments.files);
   if (!problems) return fails(problems.error().message());
   if (arguments.what == "retraction") return reproduce_retraction(arguments, *problems);
-  return reproduce(arguments, *problems, "Figure 4", kFigureFour);
+  return reproduce(arguments, problems->empty() ? macmpec() : *problems, "Figure 4", kFigureFour);
 }
 
 }  // namespace
@@ -203,12 +209,15 @@ void add_reproduce(CLI::App& program, int& exit_code) {
       ->add_option(
           "WHAT", arguments->what,
           "table1: hopper, gates and rocket as the paper's authors published them; figure4: the performance "
-          "profile of MacMPEC, whose files must be given; retraction: softplus against exponential on the "
-          "path, table1's problems, ours and those of the files; ra-bt6: retrospective approximation of BT6 "
+          "profile of the 39 problems of MacMPEC, or of the files; retraction: softplus against exponential "
+          "on "
+          "the path, table1's problems, ours and those of the files; ra-bt6: retrospective approximation of "
+          "BT6 "
           "under noise; aladin-figures: ALADIN-beta and penalty-barriers on its paper's example")
       ->required()
       ->check(CLI::IsMember({"table1", "figure4", "retraction", "ra-bt6", "aladin-figures"}));
-  command->add_option("FILE", arguments->files, "problems in any format, for figure4 and retraction");
+  command->add_option("FILE", arguments->files,
+                      "problems in any format: for figure4 in place of MacMPEC, for retraction in addition");
   command
       ->add_option(
           "--seeds", arguments->seeds,
