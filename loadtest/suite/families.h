@@ -10,9 +10,8 @@
 namespace marble::suite {
 
 struct Settings {
-  std::filesystem::path benchmarks;  ///< MacMPEC and robotics problems with references; may not exist
-  int seeds = 20;                    ///< of the random families
-  int starts = 8;                    ///< of the references if none is known
+  int seeds = 20;        ///< of the random families
+  int starts = 8;        ///< of the references if none is known
   bool judging = false;  ///< hard, statuses, starts, proofs, conflicts, scenarios and horizons: use the half
                          ///< of the seeds for judging
   std::string peers;     ///< a command that runs qp_peers.py, or global_peers.py; empty: no peers
@@ -23,9 +22,6 @@ struct Settings {
   std::filesystem::path keep;                  ///< proofs: the folder where files are kept; none if empty
   int steps = 0;  ///< coupled and horizons: only this horizon of the hopper; 0: all
 };
-
-/// Returns the problems of a folder in the order of their names; none, with a message, if there is no folder.
-[[nodiscard]] std::vector<std::filesystem::path> problem_files(const std::filesystem::path& folder);
 
 /// The options on each MacMPEC problem, against the best known objective.
 void macmpec(const Settings& settings);

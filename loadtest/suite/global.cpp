@@ -12,10 +12,10 @@
 
 #include "families.h"
 #include "marble/examples.h"
+#include "marble/macmpec.h"
 #include "marble/solver.h"
 #include "peers.h"
 #include "support/box_qp.h"
-#include "support/shared_problems.h"
 
 namespace marble::suite {
 namespace {
@@ -29,10 +29,10 @@ struct Named {
   bool small = false;  // of a test set: no other solver is run
 };
 
-std::vector<Named> with_proofs(const Settings& settings) {
+std::vector<Named> with_proofs() {
   std::vector<Named> problems;
-  for (const auto& file : problem_files(settings.benchmarks / "macmpec"))
-    problems.push_back({file.stem(), testing::read_shared(file).problem, true});
+  for (const examples::MacmpecProblem& each : examples::macmpec())
+    problems.push_back({std::string(each.name), each.problem(), true});
   examples::HopperParameters hopper;
   hopper.steps = 10;
   problems.push_back({"hopper 10", examples::hopper(hopper)});
@@ -136,7 +136,7 @@ void global(const Settings& settings) {
               "objective", "bound", "gap", "nodes", "open", "s", "s/node", "factors");
   int proved = 0;
   double seconds = 0.0;
-  for (const Named& named : with_proofs(settings)) {
+  for (const Named& named : with_proofs()) {
     if (!settings.only.empty() && named.name != settings.only) continue;
     Options options;
     options.global_search = true;

@@ -8,13 +8,12 @@
 #include <string>
 
 #include "families.h"
-#include "support/shared_problems.h"
 #include "tune.h"
 
 namespace {
 
 constexpr const char* kUsage = R"(Runs families of problems and prints what the solver reached on them.
-Usage: suite [FAMILY ...] [--seeds N] [--judge] [--starts K] [--benchmarks FOLDER] [--peers COMMAND]
+Usage: suite [FAMILY ...] [--seeds N] [--judge] [--starts K] [--peers COMMAND]
        suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]
 Families: macmpec perturbed robotics variants qpecs warm mpc growth horizons units throughput global hard statuses starts
 proofs conflicts qp coupled scenarios; all of them by default.
@@ -28,7 +27,6 @@ proofs conflicts qp coupled scenarios; all of them by default.
   --keep FOLDER        of proofs: leave problems and proofs there
   --steps N            of coupled and horizons, the hopper of that horizon: 120, 240, 480, 960 or 1920
   --option NAME=VALUE  of macmpec and robotics, a solver option; may be repeated
-  --benchmarks FOLDER  problems with references
   --peers COMMAND      measure qp or global in turns with other solvers: COMMAND runs qp_peers.py or global_peers.py of
                        loadtest/suite/*_peers.py
 tune, in a build of the preset tune: what numbers of core/src/model/tuning.def do on generated families, one by one, or
@@ -65,7 +63,6 @@ int main(int argc, char** argv) {
   if (argc > 1 && std::strcmp(argv[1], "tune") == 0) return tune(argc - 2, argv + 2);
   using namespace marble;
   suite::Settings settings;
-  settings.benchmarks = testing::shared_benchmarks();
   std::vector<std::string> wanted;
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
@@ -102,8 +99,6 @@ int main(int argc, char** argv) {
       settings.steps = std::atoi(value());
     } else if (argument == "--peers") {
       settings.peers = value();
-    } else if (argument == "--benchmarks") {
-      settings.benchmarks = value();
     } else {
       wanted.push_back(argument);
     }

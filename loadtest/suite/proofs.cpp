@@ -20,10 +20,10 @@
 #include "marble/examples.h"
 #include "marble/json_problem.h"
 #include "marble/json_proof.h"
+#include "marble/macmpec.h"
 #include "marble/solver.h"
 #include "support/ill_conditioned.h"
 #include "support/integer_problem.h"
-#include "support/shared_problems.h"
 
 namespace marble::suite {
 namespace {
@@ -176,8 +176,8 @@ void proofs(const Settings& settings) {
   global.global_search = true;
   global.time_limit_s = settings.time_limit_s;
   if (wanted("macmpec")) {
-    for (const auto& file : problem_files(settings.benchmarks / "macmpec"))
-      family(file.stem(), global, [&](auto&& take) { take(testing::read_shared(file).problem); });
+    for (const examples::MacmpecProblem& each : examples::macmpec())
+      family(std::string(each.name), global, [&](auto&& take) { take(each.problem()); });
   }
   if (wanted("robots")) {
     examples::HopperParameters hopper;

@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "families.h"
+#include "marble/macmpec.h"
 #include "noise.h"
 #include "support/independent_check.h"
 #include "support/other_units.h"
-#include "support/shared_problems.h"
 
 namespace marble::suite {
 namespace {
@@ -35,27 +35,26 @@ void units(const Settings& settings) {
     all.push_back({"variables x 1e+-4 ~" + std::to_string(seed), {random}});
     all.push_back({"rows x 1e+-4 ~" + std::to_string(seed), {power(0), random}});
   }
-  const std::vector<std::filesystem::path> files = problem_files(settings.benchmarks / "macmpec");
-  if (files.empty()) return;
   std::printf("%-24s %8s %8s %8s  %s\n", "units", "right", "median", "worst", "not right");
   for (const auto& [name, units] : all) {
     std::vector<double> factorizations;
     std::string wrong;
     std::size_t right = 0;
-    for (const auto& file : files) {
-      const auto [nominal, reference] = testing::read_shared(file);
+    for (const examples::MacmpecProblem& each : examples::macmpec()) {
+      const OwnedProblem nominal = each.problem();
       const auto [problem, variables] = testing::convert(nominal, units);
       Solution answer = solve_in_process(problem.view()).value();
       factorizations.push_back(answer.factorizations);
       for (std::size_t j = 0; j < variables.size(); ++j) answer.z[j] *= variables[j];
-      const double loss = (answer.objective / units.cost - reference) / std::max(1.0, std::abs(reference));
+      const double loss =
+          (answer.objective / units.cost - each.optimum) / std::max(1.0, std::abs(each.optimum));
       const bool is_right = is_solved(answer.status) && loss <= 1e-5 &&
                             testing::judge(nominal.view(), answer).infeasibility() <= 1e-6;
       right += is_right ? 1 : 0;
-      if (!is_right) wrong += " " + file.stem().string();
+      if (!is_right) wrong.append(" ").append(each.name);
     }
-    std::printf("%-24s %5zu/%zu %8.0f %8.0f %s\n", name.c_str(), right, files.size(), median(factorizations),
-                *std::ranges::max_element(factorizations), wrong.c_str());
+    std::printf("%-24s %5zu/%zu %8.0f %8.0f %s\n", name.c_str(), right, examples::macmpec().size(),
+                median(factorizations), *std::ranges::max_element(factorizations), wrong.c_str());
     std::fflush(stdout);
   }
 }

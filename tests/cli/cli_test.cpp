@@ -120,6 +120,28 @@ TEST_F(Cli, ExamplesAreTheSameForASeed) {
   EXPECT_EQ(run("example unicycle").exit_code, 2);
 }
 
+TEST_F(Cli, ExamplesOfMacmpecAreSolvedAndTheOthersAreListed) {
+  const Json problem = Json::parse(run("example macmpec nash1d").out);
+  EXPECT_EQ(problem["name"], "nash1d");
+  EXPECT_EQ(problem["best_known_objective"], 0.0);
+  EXPECT_EQ(problem["x0"], Json({10.0, 0.0, 0.0, 0.0, 0.0, 0.0}));
+  const std::string bard2 = file("bard2.json", run("example macmpec bard2").out);
+  EXPECT_NE(run("solve --local --quiet " + quoted(bard2)).out.find("-6598   (best known -6598)"),
+            std::string::npos);
+
+  for (const std::string problem_name : {"", "bard3", "../bard1", "bard1.json"}) {
+    const Result listed = run("example macmpec " + problem_name);
+    EXPECT_EQ(listed.exit_code, 2) << problem_name;
+    EXPECT_EQ(listed.out, "") << problem_name;
+    EXPECT_NE(listed.err.find("flp4_4       200        100    0\n"), std::string::npos) << listed.err;
+    EXPECT_EQ(std::ranges::count(listed.err, '\n'), 41) << listed.err;
+    EXPECT_NE(listed.err.find(problem_name), std::string::npos);
+  }
+  for (const std::string wrong : {"macmpec jr1 --paper", "macmpec jr1 --steps 4", "macmpec jr1 --seed 1",
+                                  "qpec --steps 4", "rocket jr1", "qpec --paper"})
+    EXPECT_EQ(run("example " + wrong).exit_code, 2) << wrong;
+}
+
 TEST_F(Cli, OptionsAreListedWithDefaultAndRange) {
   const Result result = run("options");
   EXPECT_EQ(result.exit_code, 0);

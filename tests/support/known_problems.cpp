@@ -1,7 +1,7 @@
-#include <algorithm>
 #include <cmath>
 #include <initializer_list>
 
+#include "macmpec/problems.h"
 #include "support/problem_builder.h"
 #include "support/small_problems.h"
 
@@ -20,143 +20,6 @@ ProblemBuilder::Row row(std::size_t variables, std::initializer_list<Term> terms
   for (const Term& term : terms) all[static_cast<std::size_t>(term.variable)] = term.factor;
   all.back() = constant;
   return all;
-}
-
-// bard1 with the lower level's bound y ≥ 0 as one of its constraints.
-SmallProblem bard1m() {
-  return Builder("bard1m", {-10, 4, 0, 0, 0, 0})
-      .quadratic(0, 0, 2)
-      .quadratic(1, 1, 8)
-      .constant(26)
-      .equal({-1.5, 2, 1, -0.5, 1, -1, -2})
-      .at_least(row(6, {{0, 1}}))
-      .pair({3, -1, 0, 0, 0, 0, -3}, row(6, {{2, 1}}))
-      .pair({-1, 0.5, 0, 0, 0, 0, 4}, row(6, {{3, 1}}))
-      .pair({-1, -1, 0, 0, 0, 0, 7}, row(6, {{4, 1}}))
-      .pair(row(6, {{1, 1}}), row(6, {{5, 1}}))
-      .optimum(17.0);
-}
-
-// The same again, its constraints with slacks.
-SmallProblem ex9_2_1() {
-  Builder b("ex9_2_1", {-10, 4, 0, 0, 0, 0, 0, 0, 0, 0});
-  b.quadratic(0, 0, 2).quadratic(1, 1, 8).constant(26);
-  b.equal(row(10, {{0, -3}, {1, 1}, {2, 1}}, 3)).equal(row(10, {{0, 1}, {1, -0.5}, {3, 1}}, -4));
-  b.equal(row(10, {{0, 1}, {1, 1}, {4, 1}}, -7)).equal(row(10, {{1, -1}, {5, 1}}));
-  b.equal({-1.5, 2, 0, 0, 0, 0, 1, -0.5, 1, -1, -2});
-  b.at_least(row(10, {{0, 1}})).at_least(row(10, {{1, 1}}));
-  for (Index i = 2; i < 6; ++i) b.pair(row(10, {{i, 1}}), row(10, {{i + 4, 1}}));
-  return b.optimum(17.0);
-}
-
-// ½(y₁ − 2)² + ½(y₂ − 2)² over x ≥ 0 and y minimising ½y₁² + y₂ s.t. y₁ + y₂ = x, y ≥ 0.
-SmallProblem ex9_2_4() {
-  Builder b("ex9_2_4", {0, -2, -2, 0, 0, 0});  // x, y, multipliers of the sum and of the bounds
-  b.quadratic(1, 1, 1).quadratic(2, 2, 1).constant(4);
-  b.equal(row(6, {{0, -1}, {1, 1}, {2, 1}}));
-  b.equal(row(6, {{1, 1}, {3, 1}, {4, -1}})).equal(row(6, {{3, 1}, {5, -1}}, 1));
-  b.at_least(row(6, {{0, 1}}));
-  b.pair(row(6, {{1, 1}}), row(6, {{4, 1}})).pair(row(6, {{2, 1}}), row(6, {{5, 1}}));
-  return b.optimum(0.5);
-}
-
-// A firm distributes y, Σy ≤ 40, to two divisions, each of which minimizes the distance to its targets: min
-// (x₁ − 4)² + (x₂ − 13)² and min (x₃ − 35)² + (x₄ − 2)². It earns (200 − x₁ − x₃)(x₁ + x₃) + (160 − x₂ −
-// x₄)(x₂ + x₄). J. F. Bard, Practical Bilevel Optimization, 1998. The three variants differ in which bounds
-// of x the divisions have.
-SmallProblem bard2(const char* name, bool own_lower, bool own_upper, double optimum) {
-  const std::size_t n = 12 + (own_lower ? 4U : 0U) + (own_upper ? 4U : 0U);
-  ProblemBuilder::Row gradient(n, 0.0);
-  gradient[0] = gradient[2] = -200;
-  gradient[1] = gradient[3] = -160;
-  Builder b(name, gradient);
-  for (const Index i : {0, 1}) b.quadratic(i, i, 2).quadratic(i, i + 2, 2).quadratic(i + 2, i + 2, 2);
-  const double targets[] = {4, 13, 35, 2};
-  const double most_x[] = {20, 20, 40, 40};
-  const double most_y[] = {10, 5, 15, 20};
-  b.at_least(row(n, {{4, -1}, {5, -1}, {6, -1}, {7, -1}}, 40));
-  for (Index i = 0; i < 4; ++i) {
-    const Index first = i < 2 ? 0 : 2;  // of the division's x, y and multipliers
-    const double use[] = {i % 2 == 0 ? 0.4 : 0.7, i % 2 == 0 ? 0.6 : 0.3};
-    ProblemBuilder::Row stationary =
-        row(n, {{i, 2}, {8 + first, use[0]}, {9 + first, use[1]}}, -2 * targets[static_cast<std::size_t>(i)]);
-    const double most = most_x[static_cast<std::size_t>(i)];
-    Index next = 12 + i;
-    if (own_lower) {
-      stationary[static_cast<std::size_t>(next)] = -1;
-      b.pair(row(n, {{i, 1}}), row(n, {{next, 1}}));
-      next += 4;
-    } else {
-      b.at_least(row(n, {{i, 1}}));
-    }
-    if (own_upper) {
-      stationary[static_cast<std::size_t>(next)] = 1;
-      b.pair(row(n, {{i, -1}}, most), row(n, {{next, 1}}));
-    } else {
-      b.at_least(row(n, {{i, -1}}, most));
-    }
-    b.equal(stationary);
-    b.at_least(row(n, {{4 + i, 1}})).at_least(row(n, {{4 + i, -1}}, most_y[static_cast<std::size_t>(i)]));
-    const double of_first = i % 2 == 0 ? -0.4 : -0.6;
-    const double of_second = i % 2 == 0 ? -0.7 : -0.3;
-    b.pair(row(n, {{first, of_first}, {first + 1, of_second}, {4 + i, 1}}), row(n, {{8 + i, 1}}));
-  }
-  return b.optimum(optimum);
-}
-
-// The distance from x to an equilibrium y of two players (Harker's, by Facchinei, Jiang and Qi, 1999).
-SmallProblem nash1() {
-  Builder b("nash1", {0, 0, 0, 0, 0, 0});
-  for (const Index i : {0, 1}) b.quadratic(i, i, 1).quadratic(i, i + 2, -1).quadratic(i + 2, i + 2, 1);
-  b.equal({0, 0, 2, 8.0 / 3.0, 1, 0, -34}).equal({0, 0, 1.25, 2, 0, 1, -24.25});
-  for (const Index i : {0, 1}) b.at_least(row(6, {{i, 1}})).at_least(row(6, {{i, -1}}, 10));
-  b.pair({0, -1, -1, 0, 0, 0, 15}, row(6, {{4, 1}})).pair({-1, 0, 0, -1, 0, 0, 15}, row(6, {{5, 1}}));
-  return b.optimum(0.0);
-}
-
-// Finds right-hand sides l that make problem 44 of Hock and Schittkowski stationary near a given point.
-SmallProblem hs044_i() {
-  constexpr std::size_t n = 20;  // x, λ of its six rows, μ of its bounds, l
-  ProblemBuilder::Row gradient(n, 0.0);
-  gradient[1] = -6;
-  gradient[3] = -8;
-  Builder b("hs044_i", gradient);
-  for (Index i = 0; i < 4; ++i) b.quadratic(i, i, 2);
-  b.constant(25);
-  b.equal(row(n, {{2, -1}, {3, 1}, {4, 8}, {10, -1}, {14, 0.2}}, 1));
-  b.equal(row(n, {{2, 1}, {3, -1}, {5, 7}, {11, -1}, {15, 1.2}}, -1));
-  b.equal(row(n, {{0, -1}, {1, 1}, {6, 4}, {12, -1}, {16, 2}}, -1));
-  b.equal(row(n, {{0, 1}, {1, -1}, {7, 4}, {13, -1}, {17, 0.1}}, 0));
-  const double low[] = {0.01, -10, 0.1, -1, -1, 0.001};
-  const double high[] = {10, -0.01, 1, -0.1, 1, 10};
-  for (Index i = 0; i < 6; ++i) {
-    b.at_least(row(n, {{14 + i, 1}}, -low[i])).at_least(row(n, {{14 + i, -1}}, high[i]));
-    b.pair(row(n, {{4 + i, 1}}), i == 0   ? row(n, {{0, -1}, {1, -2}, {14, -1.2}}, 8)
-                                 : i == 1 ? row(n, {{0, -4}, {1, -1}, {15, -0.2}}, 12)
-                                 : i == 2 ? row(n, {{0, -3}, {1, -4}, {16, -0.1}}, 12)
-                                 : i == 3 ? row(n, {{2, -2}, {3, -1}, {17, -2}}, 8)
-                                 : i == 4 ? row(n, {{2, -1}, {3, -2}, {18, -10}}, 8)
-                                          : row(n, {{2, -1}, {3, -1}, {19, 0.2}}, 5));
-  }
-  for (Index i = 0; i < 4; ++i) b.pair(row(n, {{i, 1}}), row(n, {{10 + i, 1}}));
-  return b.optimum(15.6177688889);
-}
-
-// Σ (xᵢ ± 1)² + Σ (yⱼ ± 2)², 0 ≤ yⱼ ⊥ yⱼ − xⱼ ≥ 0, and 0 ≤ yⱼ ⊥ yⱼ ≥ 0 for j without an x: five x, ten y.
-SmallProblem qpec(const char* name, double sign, double optimum) {
-  constexpr Index kUpper = 5;
-  constexpr Index kLower = 10;
-  constexpr std::size_t n = kUpper + kLower;
-  ProblemBuilder::Row gradient(n, sign * 4);
-  std::fill_n(gradient.begin(), kUpper, sign * 2);
-  Builder b(name, gradient);
-  for (Index i = 0; i < static_cast<Index>(n); ++i) b.quadratic(i, i, 2);
-  for (Index j = 0; j < kLower; ++j) {
-    ProblemBuilder::Row other = row(n, {{kUpper + j, 1}});
-    if (j < kUpper) other[static_cast<std::size_t>(j)] = -1;
-    b.pair(other, row(n, {{kUpper + j, 1}}));
-  }
-  return b.constant(kUpper + 4 * kLower).optimum(optimum);
 }
 
 // 2x₁ + 2x₂ − 3y₁ − 3y₂ − 60, x₁ + x₂ + y₁ − 2y₂ ≤ 40, 0 ≤ x ≤ 50, y minimising (y − x + 20)² s.t. −10 ≤ y ≤
@@ -309,23 +172,16 @@ void add_elements(std::vector<SmallProblem>& all) {
 }  // namespace
 
 std::vector<SmallProblem> known_problems() {
-  std::vector<SmallProblem> all = {bard1m(),
-                                   ex9_2_1(),
-                                   ex9_2_4(),
-                                   bard2("bard2", false, false, -6598.0),
-                                   bard2("bilevel2m", true, false, -6600.0),
-                                   bard2("bilevel2", true, true, -6600.0),
-                                   nash1(),
-                                   hs044_i(),
-                                   qpec("qpec1", 1.0, 40.0),
-                                   qpec("qpec2", -1.0, 22.5),
-                                   aiyoshi_shimizu(),
-                                   linear_bilevel(),
-                                   murty(),
-                                   cardinality(),
-                                   knapsack(),
-                                   string_over_an_obstacle(),
-                                   game()};
+  std::vector<SmallProblem> all;
+  for (const char* name :
+       {"bard1m", "ex9_2_1", "ex9_2_4", "bard2", "bilevel2m", "bilevel2", "nash1a", "hs044_i"})
+    all.push_back(of_macmpec(name));
+  // qpec1 and qpec2 of MacMPEC with half of their variables.
+  all.push_back({examples::macmpec_sources::qpec("half of qpec1", 1.0, 5), 40.0});
+  all.push_back({examples::macmpec_sources::qpec("half of qpec2", -1.0, 5), 22.5});
+  for (const SmallProblem& problem : {aiyoshi_shimizu(), linear_bilevel(), murty(), cardinality(), knapsack(),
+                                      string_over_an_obstacle(), game()})
+    all.push_back(problem);
   // ½x² + ½xy − 95x, 0 ≤ y ⊥ 2y + ½x − 100 ≥ 0, 0 ≤ x ≤ 200 (MacMPEC): −70²/1.5.
   all.push_back(Builder("stackelberg1", {-95, 0})
                     .quadratic(0, 0, 1)

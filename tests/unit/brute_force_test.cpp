@@ -6,10 +6,10 @@
 #include <cmath>
 #include <limits>
 
+#include "marble/macmpec.h"
 #include "marble/solver.h"
 #include "support/independent_check.h"
 #include "support/random_problem.h"
-#include "support/shared_problems.h"
 #include "support/small_problems.h"
 
 namespace marble::testing {
@@ -39,19 +39,17 @@ TEST(BruteForce, ProvesTheOptimumOfEveryKnownProblem) {
   EXPECT_EQ(proved, 29) << "of one with 12 pairs the collection's own word is taken";
 }
 
-TEST(BruteForce, AgreesWithPublishedOptima) {
-  const auto folder = shared_benchmarks() / "macmpec";
-  if (!std::filesystem::is_directory(folder)) GTEST_SKIP() << "no benchmark problems at " << folder;
-  int compared = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    const auto [problem, best_known] = read_shared(entry.path());
-    if (problem.l.size() > 8) continue;
-    ++compared;
+TEST(BruteForce, ProvesTheOptimaOfMacmpec) {
+  int proved = 0;
+  for (const examples::MacmpecProblem& each : examples::macmpec()) {
+    const OwnedProblem problem = each.problem();
+    if (problem.l.size() > 10) continue;
+    ++proved;
     const auto best = brute_force(problem.view());
-    ASSERT_TRUE(best.has_value()) << problem.name;
-    EXPECT_NEAR(best->objective, best_known, slack(best_known)) << problem.name;
+    ASSERT_TRUE(best.has_value()) << each.name;
+    EXPECT_NEAR(best->objective, each.optimum, slack(each.optimum)) << each.name;
   }
-  EXPECT_GE(compared, 15);
+  EXPECT_EQ(proved, 24);
 }
 
 TEST(BruteForce, NoFeasibleRandomPointIsBetter) {

@@ -9,7 +9,6 @@
 #include "marble/published_examples.h"
 #include "marble/solver.h"
 #include "support/independent_check.h"
-#include "support/shared_problems.h"
 
 namespace marble::examples {
 namespace {
@@ -119,16 +118,6 @@ TEST(Examples, ASeedMeansTheSameNumbersEverywhere) {
   EXPECT_DOUBLE_EQ(vary(GatesParameters{}, 1).gates[0].center[0], 1.4780325986407519);
 }
 
-// The same entries up to the order and the sign of rows.
-void expect_same_sizes(std::vector<double> a, std::vector<double> b, const char* name) {
-  ASSERT_EQ(a.size(), b.size()) << name;
-  const auto by_size = [](double x, double y) { return std::abs(x) < std::abs(y); };
-  std::sort(a.begin(), a.end(), by_size);
-  std::sort(b.begin(), b.end(), by_size);
-  for (std::size_t k = 0; k < a.size(); ++k)
-    ASSERT_NEAR(std::abs(a[k]), std::abs(b[k]), 1e-12 * std::max(1.0, std::abs(b[k]))) << name << " " << k;
-}
-
 TEST(Examples, StandingStillOnFlatGroundIsFeasibleForTheHopper) {
   // Body above the foot, foot on the ground at x = 0, leg force and normal force holding the weight.
   HopperParameters parameters{.steps = 3};
@@ -163,28 +152,6 @@ TEST(Examples, AHopperAdvancedAlongATrajectoryIsTheRestOfItsProblem) {
     followed.steps = ticks;
     const std::vector<double> done(s.z.begin(), s.z.begin() + hopper_index(ticks, 0));
     EXPECT_NEAR(objective(hopper(rest), z) + objective(hopper(followed), done), s.objective, 1e-9);
-  }
-}
-
-TEST(Examples, TheNominalOnesAreThePublishedBenchmarkProblems) {
-  const auto folder = testing::shared_benchmarks() / "robotics";
-  if (!std::filesystem::is_directory(folder)) GTEST_SKIP() << "no benchmark problems at " << folder;
-  const std::pair<const char*, OwnedProblem> pairs[] = {
-      {"contact.json", hopper()}, {"rocket.json", rocket()}, {"gates.json", gates()}};
-  for (const auto& [file, ours] : pairs) {
-    SCOPED_TRACE(file);
-    const OwnedProblem theirs = testing::read_shared(folder / file).problem;
-    EXPECT_NEAR(ours.c0, theirs.c0, 1e-9 * std::max(1.0, std::abs(theirs.c0)));
-    expect_same_sizes(ours.Q.values, theirs.Q.values, "Q");
-    expect_same_sizes(ours.A.values, theirs.A.values, "A");
-    expect_same_sizes(ours.C.values, theirs.C.values, "C");
-    expect_same_sizes(ours.L.values, theirs.L.values, "L");
-    expect_same_sizes(ours.R.values, theirs.R.values, "R");
-    expect_same_sizes(ours.g, theirs.g, "g");
-    expect_same_sizes(ours.b, theirs.b, "b");
-    expect_same_sizes(ours.d, theirs.d, "d");
-    expect_same_sizes(ours.l, theirs.l, "l");
-    expect_same_sizes(ours.r, theirs.r, "r");
   }
 }
 

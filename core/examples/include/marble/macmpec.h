@@ -14,7 +14,7 @@ struct MacmpecProblem {
   std::string_view name;    ///< the collection's, with _ for . and -
   std::string_view source;  ///< who published it
   double optimum;           ///< global, to 12 digits; proved by branch and bound
-  /// Returns the problem, with the collection's starting point if that is not zero throughout.
+  /// Returns the problem, with the collection's starting point where it has one.
   OwnedProblem (*problem)();
 };
 

@@ -20,8 +20,8 @@ void complementary(Model& model, Index i, Index j);
 [[nodiscard]] OwnedProblem scholtes3();
 /// min (z₁ − a)² + (z₂ − b)², 0 ≤ z₂ ⊥ z₂ − z₁ ≥ 0.
 [[nodiscard]] OwnedProblem jr(const char* name, double a, double b);
-/// Ten variables x and twenty y, min |x + sign e|² + |y + 2 sign e|².
-[[nodiscard]] OwnedProblem qpec(const char* name, double sign);
+/// Variables x and twice as many y, min |x + sign e|² + |y + 2 sign e|²; MacMPEC's have ten x.
+[[nodiscard]] OwnedProblem qpec(const char* name, double sign, Index x);
 
 [[nodiscard]] OwnedProblem gauvin();
 /// One problem of two levels as bard1, bard1m and ex9_2_1 encode it; ex9_2_7 is the last once more.

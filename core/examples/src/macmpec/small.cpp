@@ -48,15 +48,14 @@ OwnedProblem jr(const char* name, double a, double b) {
   return model.problem();
 }
 
-// 0 ≤ y_i − x_i ⊥ y_i ≥ 0 for the first ten y; the others complement themselves and are zero.
-OwnedProblem qpec(const char* name, double sign) {
-  constexpr Index kX = 10, kY = 20;
-  Model model(name, kX + kY);
-  for (Index i = 0; i < kX + kY; ++i) model.add_square(2.0, {{i, 1.0}}, i < kX ? sign : 2.0 * sign);
-  for (Index i = 0; i < kX; ++i) model.complementary({{i, -1.0}, {kX + i, 1.0}}, 0.0, {{kX + i, 1.0}}, 0.0);
-  for (Index i = kX; i < kY; ++i) complementary(model, kX + i, kX + i);
+// 0 ≤ y_i − x_i ⊥ y_i ≥ 0 for the first half of the y; the others complement themselves and are zero.
+OwnedProblem qpec(const char* name, double sign, Index x) {
+  Model model(name, 3 * x);
+  for (Index i = 0; i < 3 * x; ++i) model.add_square(2.0, {{i, 1.0}}, i < x ? sign : 2.0 * sign);
+  for (Index i = 0; i < x; ++i) model.complementary({{i, -1.0}, {x + i, 1.0}}, 0.0, {{x + i, 1.0}}, 0.0);
+  for (Index i = 2 * x; i < 3 * x; ++i) complementary(model, i, i);
   OwnedProblem problem = model.problem();
-  problem.initial_z.assign(kX + kY, 1.0);
+  problem.initial_z.assign(problem.g.size(), 1.0);
   return problem;
 }
 

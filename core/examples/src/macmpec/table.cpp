@@ -74,8 +74,8 @@ constexpr MacmpecProblem kProblems[] = {
     {"portfl3", kPortfolio, 6.26498180907e-06, [] { return portfl("portfl3", 3); }},
     {"portfl4", kPortfolio, 2.17733524138e-06, [] { return portfl("portfl4", 4); }},
     {"portfl6", kPortfolio, 2.36132954689e-06, [] { return portfl("portfl6", 6); }},
-    {"qpec1", kJiangRalph, 80.0, [] { return qpec("qpec1", 1.0); }},
-    {"qpec2", kJiangRalph, 45.0, [] { return qpec("qpec2", -1.0); }},
+    {"qpec1", kJiangRalph, 80.0, [] { return qpec("qpec1", 1.0, 10); }},
+    {"qpec2", kJiangRalph, 45.0, [] { return qpec("qpec2", -1.0, 10); }},
     {"scholtes3", kScholtes, 0.5, scholtes3},
     {"sl1", kHs021, 1e-4, sl1},
 };
