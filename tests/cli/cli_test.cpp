@@ -137,8 +137,9 @@ TEST_F(Cli, ExamplesOfMacmpecAreSolvedAndTheOthersAreListed) {
     EXPECT_EQ(std::ranges::count(listed.err, '\n'), 41) << listed.err;
     EXPECT_NE(listed.err.find(problem_name), std::string::npos);
   }
-  for (const std::string wrong : {"macmpec jr1 --paper", "macmpec jr1 --steps 4", "macmpec jr1 --seed 1",
-                                  "qpec --steps 4", "rocket jr1", "qpec --paper"})
+  for (const std::string wrong :
+       {"macmpec jr1 --paper", "macmpec jr1 --steps 4", "macmpec jr1 --seed 1", "qpec --steps 4",
+        "rocket jr1", "qpec --paper", "robots --paper", "rocket3d --seed 1", "robots --steps 1"})
     EXPECT_EQ(run("example " + wrong).exit_code, 2) << wrong;
 }
 

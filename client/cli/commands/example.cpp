@@ -1,5 +1,6 @@
 #include <iostream>
 #include <memory>
+#include <optional>
 
 #include "base/complaint.h"
 #include "base/exit_code.h"
@@ -28,6 +29,13 @@ OwnedProblem generate(const ExampleArguments& arguments, OwnedProblem (*generato
   return generator(parameters);
 }
 
+template <class Parameters>
+OwnedProblem published(const ExampleArguments& arguments, OwnedProblem (*generator)(const Parameters&)) {
+  Parameters parameters;
+  if (arguments.steps > 0) parameters.steps = arguments.steps;
+  return generator(parameters);
+}
+
 OwnedProblem problem(const ExampleArguments& arguments) {
   if (arguments.name == "hopper")
     return arguments.published ? examples::published_hopper() : generate(arguments, &examples::hopper);
@@ -35,6 +43,8 @@ OwnedProblem problem(const ExampleArguments& arguments) {
     return arguments.published ? examples::published_rocket() : generate(arguments, &examples::rocket);
   if (arguments.name == "gates")
     return arguments.published ? examples::published_gates() : generate(arguments, &examples::gates);
+  if (arguments.name == "robots") return published(arguments, &examples::published_robots);
+  if (arguments.name == "rocket3d") return published(arguments, &examples::published_rocket_3d);
   return examples::qpec({}, arguments.seed);
 }
 
@@ -60,16 +70,22 @@ int print(const ProblemFile& file) {
   return std::cout ? kAllSolved : fails("standard output cannot be written");
 }
 
+// The options that an example has not.
+std::optional<std::string> refused(const ExampleArguments& arguments) {
+  const std::string& name = arguments.name;
+  const bool published = name == "robots" || name == "rocket3d";
+  const bool varied = name == "hopper" || name == "rocket" || name == "gates";
+  if (arguments.published && !varied) return "--paper is for hopper, rocket and gates";
+  if (arguments.steps > 0 && !varied && !published)
+    return "--steps is for hopper, rocket, gates, robots and rocket3d";
+  if (arguments.seed != 0 && !varied && name != "qpec") return "--seed is for hopper, rocket, gates and qpec";
+  if (!arguments.problem.empty() && name != "macmpec") return "PROBLEM is for macmpec";
+  return std::nullopt;
+}
+
 int run(const ExampleArguments& arguments) {
-  const bool robot = arguments.name != "qpec" && arguments.name != "macmpec";
-  if (arguments.published && !robot)
-    return fails("--paper is for hopper, rocket and gates: the paper has no " + arguments.name);
-  if (arguments.steps > 0 && !robot) return fails("--steps is for hopper, rocket and gates");
-  if (arguments.name != "macmpec") {
-    if (!arguments.problem.empty()) return fails("PROBLEM is for macmpec");
-    return print({problem(arguments), {}, false});
-  }
-  if (arguments.seed != 0) return fails("--seed is for hopper, rocket, gates and qpec");
+  if (const auto message = refused(arguments)) return fails(*message);
+  if (arguments.name != "macmpec") return print({problem(arguments), {}, false});
   if (arguments.problem.empty()) return list_macmpec("macmpec needs PROBLEM, one of these:");
   const examples::MacmpecProblem* const found = examples::find_macmpec(arguments.problem);
   if (found == nullptr)
@@ -84,15 +100,15 @@ void add_example(CLI::App& program, int& exit_code) {
   CLI::App* command = program.add_subcommand(
       "example",
       "Print one of the paper's robotics problems, a random QPEC or a problem of MacMPEC, as JSON");
-  command->add_option("NAME", arguments->name, "hopper, rocket, gates, qpec or macmpec")
+  command->add_option("NAME", arguments->name, "hopper, rocket, gates, robots, rocket3d, qpec or macmpec")
       ->required()
-      ->check(CLI::IsMember({"hopper", "rocket", "gates", "qpec", "macmpec"}));
+      ->check(CLI::IsMember({"hopper", "rocket", "gates", "robots", "rocket3d", "qpec", "macmpec"}));
   command->add_option("PROBLEM", arguments->problem,
                       "of macmpec, such as bard1; without it, the names are listed and the exit status is 2");
-  CLI::Option* const steps =
-      command
-          ->add_option("--steps", arguments->steps, "number of stages of the horizon; default 60, 40 or 30")
-          ->check(CLI::Range(2, 100000));
+  CLI::Option* const steps = command
+                                 ->add_option("--steps", arguments->steps,
+                                              "number of stages of the horizon; default 60, 40, 30, 30 or 40")
+                                 ->check(CLI::Range(2, 100000));
   CLI::Option* const seed =
       command
           ->add_option("--seed", arguments->seed, "seed of the problem's variation; 0 is the nominal problem")
