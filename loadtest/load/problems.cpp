@@ -3,23 +3,11 @@
 
 #include "formats.h"
 #include "marble/examples.h"
+#include "marble/macmpec.h"
 #include "scenario.h"
 
 namespace marble::load {
 namespace {
-
-// MacMPEC's jr1: min (z₁ − 1)² + z₂² with 0 ≤ z₂ ⊥ z₂ − z₁ ≥ 0: measures the cost of a nearly empty request.
-OwnedProblem jr1() {
-  OwnedProblem p;
-  p.name = "jr1";
-  p.Q = compress(2, 2, {{0, 1}, {0, 1}, {2.0, 2.0}}, "Q").value();
-  p.g = {-2.0, 0.0};
-  p.c0 = 1.0;
-  p.L = compress(1, 2, {{0}, {1}, {1.0}}, "L").value();
-  p.R = compress(1, 2, {{0, 0}, {0, 1}, {-1.0, 1.0}}, "R").value();
-  p.l = p.r = {0.0};
-  return p;
-}
 
 template <class Parameters>
 Parameters varied(int size, std::uint64_t seed) {
@@ -32,7 +20,7 @@ OwnedProblem example(const std::string& name, int size, std::uint64_t seed) {
   if (name == "hopper") return examples::hopper(varied<examples::HopperParameters>(size, seed));
   if (name == "rocket") return examples::rocket(varied<examples::RocketParameters>(size, seed));
   if (name == "gates") return examples::gates(varied<examples::GatesParameters>(size, seed));
-  if (name == "jr1") return jr1();
+  if (name == "jr1") return examples::find_macmpec("jr1")->problem();  // the cost of a nearly empty request
   examples::QpecParameters parameters;
   if (size > 0) {
     parameters.upper_variables = std::max(1, size / 5);

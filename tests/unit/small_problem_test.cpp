@@ -6,6 +6,7 @@
 #include "marble/solver.h"
 #include "support/independent_check.h"
 #include "support/random_problem.h"
+#include "support/small_problems.h"
 
 namespace marble {
 namespace {
@@ -53,30 +54,7 @@ TEST(SmallProblem, EndsAtTheGlobalOptimumWithItsProof) {
 // bard1 of MacMPEC: relaxations flat along three variables, and steps onto a side from outside it. One that
 // went on along such a step ended at 10^15 and left nodes undecided.
 TEST(SmallProblem, IsProvedWhereRelaxationsAreFlat) {
-  OwnedProblem p;
-  Triplets Q, A, C, L, R;
-  Q.add(0, 0, 2.0);
-  Q.add(1, 1, 8.0);
-  for (const auto& [column, value] : {std::pair(0, -1.5), {1, 2.0}, {2, 1.0}, {3, -0.5}, {4, 1.0}})
-    A.add(0, column, value);
-  for (const Index i : {0, 1}) C.add(i, i, 1.0);
-  const double sides[3][2] = {{3.0, -1.0}, {-1.0, 0.5}, {-1.0, -1.0}};
-  for (const Index pair : {0, 1, 2}) {
-    for (const Index j : {0, 1}) L.add(pair, j, sides[pair][j]);
-    R.add(pair, 2 + pair, 1.0);
-  }
-  p.g = {-10.0, 4.0, 0.0, 0.0, 0.0};
-  p.c0 = 26.0;
-  p.b = {-2.0};
-  p.d = {0.0, 0.0};
-  p.l = {-3.0, 4.0, 7.0};
-  p.r = {0.0, 0.0, 0.0};
-  p.Q = compress(5, 5, Q, "Q").value();
-  p.A = compress(1, 5, A, "A").value();
-  p.C = compress(2, 5, C, "C").value();
-  p.L = compress(3, 5, L, "L").value();
-  p.R = compress(3, 5, R, "R").value();
-  const Solution s = solved(p, {});
+  const Solution s = solved(testing::of_macmpec("bard1").problem, {});
   EXPECT_NEAR(s.objective, 17.0, 1e-8);
   EXPECT_TRUE(s.proved) << s.detail;
   EXPECT_LE(s.factorizations, 10);
