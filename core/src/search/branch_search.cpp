@@ -23,6 +23,13 @@ SearchPlan from_soft() {
           .switch_patience = tuning::search_patience};
 }
 
+// The first penalty of a soft start would lose the incumbent's basin.
+SearchPlan from_relaxed_incumbent() {
+  SearchPlan plan = from_soft();
+  plan.rho_first *= plan.rho_factor;
+  return plan;
+}
+
 SearchPlan from_penalty_end() {
   return {.rho_first = tuning::middle_rho,
           .rho_soft = tuning::middle_rho,
@@ -296,13 +303,22 @@ bool BranchSearch::start_from(Run& run, const Iterate& solution, double referenc
       !std::isfinite(reference_objective))
     return !is_worse;
   if (!is_search_due(solution) && !is_worse && !has_risen(tuning::warm_rise)) return true;
-  const Run::Polishing polishing(run);
-  const int budget = std::min(2 * tuning::engine_budget, options_.max_local_search_factorizations);
-  searched_z_ = incumbent_.best().x.z();  // a copy: the search replaces the incumbent
-  search_below_incumbent(run, searched_z_, run.factorizations + budget);
+  search_around_incumbent(run);
   steps_ = 0;
   has_searched_ = !run.interrupted();  // a search that was cut off is no reference for later objectives
   return true;
+}
+
+void BranchSearch::search_around_incumbent(Run& run) {
+  const Run::Polishing polishing(run);
+  const ExactSolution& best = incumbent_.best();
+  SearchPlan plan = from_relaxed_incumbent();
+  plan.cutoff = best.objective;
+  searched_z_ = best.x.z();
+  point_.restore(best.x, best.set);
+  const int budget = std::min(2 * tuning::engine_budget, options_.max_local_search_factorizations);
+  if (search_.run(run, plan, run.factorizations + budget))
+    static_cast<void>(incumbent_.solve_branch(run, "warm start, relaxed", tuning::engine_budget));
 }
 
 // Few better branches appear while the solution stays where it is.

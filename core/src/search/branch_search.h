@@ -89,6 +89,7 @@ class BranchSearch {
   void from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization, bool resumes = false,
                        double cutoff = std::numeric_limits<double>::infinity());
   void search_below_incumbent(Run& run, ConstVectorRef initial_z, int last_factorization);
+  void search_around_incumbent(Run& run);
   [[nodiscard]] bool is_search_due(const Iterate& last);
   [[nodiscard]] bool restore_feasibility(Run& run, const Iterate& solution, bool resumes, Stage& stage);
   void switch_near_incumbent(Run& run, int patience, int last_factorization, const char* origin);
