@@ -198,6 +198,33 @@ TEST(ExactBranch, ManyRowsThatChangeTakeNoMoreThanItsBudget) {
   EXPECT_LE(branch.point.error(), 1e-9);
 }
 
+// 0 ≤ a x + b y ⊥ w ≥ 0 without a cost on x and y: rounding of the held rows' weight hides the proximal term
+// along (b, −a), in one pair of some hundred.
+TEST(ExactBranch, SolvesALargeBranchThatIsFlat) {
+  constexpr Index kPairs = 1000;
+  OwnedProblem p;
+  Triplets Q, L, R;
+  for (Index i = 0; i < kPairs; ++i) {
+    Q.add(3 * i + 2, 3 * i + 2, 2.0);
+    p.g.insert(p.g.end(), {0.0, 0.0, -2.0});
+    L.add(i, 3 * i, 1.0 + std::fmod(0.37 * i, 1.0));
+    L.add(i, 3 * i + 1, 1.0 + std::fmod(0.71 * i, 1.0));
+    R.add(i, 3 * i + 2, 1.0);
+  }
+  p.Q = compress(3 * kPairs, 3 * kPairs, Q, "Q").value();
+  p.L = compress(kPairs, 3 * kPairs, L, "L").value();
+  p.R = compress(kPairs, 3 * kPairs, R, "R").value();
+  p.l.assign(kPairs, 0.0);
+  p.r = p.l;
+  Workbench w(p, {.scaling_passes = 0});
+  BranchEngines branch(w.problem, *w.kkt);
+  for (Index pair = 0; pair < kPairs; ++pair) branch.point.set.fix(pair, true, false);
+  ASSERT_TRUE(branch.exact.solve(w.run, kBudget));
+  EXPECT_GE(w.run.factorizations, 2) << "the problem is to hide the proximal term";
+  EXPECT_LE(w.run.factorizations, 4);
+  expect_optimal(w, branch, "flat");
+}
+
 // One more variable x ≥ 0 whose cost is all but none: weakly active, and flat where that is not held.
 // Newton's method is busy with the other rows.
 TEST(ExactBranch, TakesTheInteriorPointsSolutionWhereItsRowsDoNotGiveItBack) {

@@ -101,6 +101,41 @@ TEST(LocalSearch, NeverEndsWorseThanItBeganAndNoFlipIsLeftThatHelps) {
   EXPECT_GE(improved, 10);
 }
 
+// A chain of pairs (x, y), each best at x = 0, y = 2 and starting at x = 1, y = 0; neighbours attract each
+// other.
+OwnedProblem chain(Index pairs) {
+  OwnedProblem p;
+  Triplets Q, L, R;
+  for (Index i = 0; i < pairs; ++i) {
+    Q.add(2 * i, 2 * i, i == 0 || i == pairs - 1 ? 2.1 : 2.2);
+    if (i > 0) Q.add(2 * i, 2 * i - 2, -0.1), Q.add(2 * i - 2, 2 * i, -0.1);
+    Q.add(2 * i + 1, 2 * i + 1, 2.0);
+    p.g.insert(p.g.end(), {-2.0, -4.0});
+    L.add(i, 2 * i, 1.0);
+    R.add(i, 2 * i + 1, 1.0);
+  }
+  p.Q = compress(2 * pairs, 2 * pairs, Q, "Q").value();
+  p.L = compress(pairs, 2 * pairs, L, "L").value();
+  p.R = compress(pairs, 2 * pairs, R, "R").value();
+  p.l.assign(static_cast<std::size_t>(pairs), 0.0);
+  p.r = p.l;
+  return p;
+}
+
+TEST(LocalSearch, ALargeProblemTakesNoMoreFactorizationsThanASmallOneHasSwitches) {
+  for (const Index pairs : {1000, 4000}) {
+    Search s(chain(pairs));
+    s.choose(0);
+    ASSERT_TRUE(s.branch.exact.solve(s.run, kBudget));
+    const int before = s.run.factorizations;
+    ASSERT_TRUE(s.engine.run(s.run, switches(20), kNoLimit));
+    EXPECT_EQ(s.engine.accepted(), pairs);
+    EXPECT_LE(s.run.factorizations - before, 40) << "for any number of pairs";
+    for (Index pair = 0; pair < pairs; ++pair) EXPECT_TRUE(s.branch.point.set.s_fixed[pair]) << pair;
+    EXPECT_NEAR(s.branch.elastic.objective() / s.problem.cost_scale, -4.0 * pairs, 1e-6 * pairs);
+  }
+}
+
 TEST(LocalSearch, LeavesTheElasticOptimumOfItsBranchBehind) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     Search s(problem(seed));

@@ -52,7 +52,7 @@ std::optional<bool> ExactBranch::exchange_rows(Run& run, int rounds, int last, P
   if (parametric != nullptr) parametric->begin_change(point_);
   for (int round = 0; round < rounds; ++round) {
     if (run.factorizations >= last || run.interrupted()) return false;
-    if (!point_.factor(run, tuning::exact_rho, tuning::exact_delta)) return false;
+    if (!factor(run, last)) return false;
     if (!point_.sharpen(tuning::rounding)) return std::nullopt;
     find_wrong_rows();
     if (wrong_rows_.empty()) return point_.error() <= tuning::exactness;
@@ -64,6 +64,13 @@ std::optional<bool> ExactBranch::exchange_rows(Run& run, int rounds, int last, P
     point_.set.clear_others(point_.x.lambda());
   }
   return std::nullopt;
+}
+
+// Where Q is flat on the rows held, rounding of rho hides delta: in a large problem somewhere nearly always.
+bool ExactBranch::factor(Run& run, int last) {
+  return point_.factor(run, tuning::exact_rho, tuning::exact_delta) ||
+         (point_.set.layout.pairs >= tuning::large_pairs && run.factorizations < last && !run.interrupted() &&
+          point_.factor(run, tuning::exact_rho, tuning::elastic_delta));
 }
 
 void ExactBranch::find_wrong_rows() {

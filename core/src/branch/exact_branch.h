@@ -38,6 +38,7 @@ class ExactBranch {
  private:
   [[nodiscard]] std::optional<bool> exchange_rows(Run& run, int rounds, int last,
                                                   Parametric* parametric = nullptr);
+  [[nodiscard]] bool factor(Run& run, int last);
   void find_wrong_rows();
   [[nodiscard]] bool solve_by_interior(Run& run, int last);
 

@@ -118,7 +118,8 @@ const double* Parametric::response(Index row) {
   double* out = responses_.get() + static_cast<std::size_t>(used_) * rows_;
   multiply(matrix, displacement_, Eigen::Map<Vector>(out, rows_));
   const double force = start_.held[row] ? rho_ : 1.0;
-  for (Index i = 0; i < rows_; ++i) out[i] *= start_.held[i] ? -rho_ * force : force;
+  const double factors[] = {force, -rho_ * force};  // a table: which rows are active is hard to predict
+  for (Index i = 0; i < rows_; ++i) out[i] *= factors[start_.held[i] & 1U];
   if (start_.held[row]) out[row] += rho_;
   response_of_row_[row] = used_++;
   return out;
@@ -304,6 +305,10 @@ std::optional<double> Parametric::follow(std::span<const Move> moves, double cut
 
 void Parametric::read_active_rows(WorkingSet& set) const {
   set.for_each_free_row([&](Index row) { set.held[row] = is_active(row); });
+}
+
+void Parametric::read_changed_rows(std::vector<Index>& rows) const {
+  for (const Changed& changed : changed_) rows.push_back(changed.row);
 }
 
 bool Parametric::probe(Index release, Index drive) {

@@ -56,6 +56,9 @@ class Parametric {
   [[nodiscard]] std::optional<double> follow(std::span<const Move> moves, double cutoff, double climb);
   /// Reads the working set at the end of the last successful follow(), for the switched pairs of `set`.
   void read_active_rows(WorkingSet& set) const;
+  /// Adds the rows that are active at the end of the last successful follow() but not at its start, or vice
+  /// versa.
+  void read_changed_rows(std::vector<Index>& rows) const;
 
   /// Computes how fast multipliers change at the start while `drive` falls and `release` is free. Returns
   /// false if `drive` is already active.

@@ -16,7 +16,9 @@ LocalSearch::LocalSearch(const ScaledProblem& problem, Kkt& kkt, ElasticRelaxati
       next_(problem),
       failed_multiplier_(problem.pairs()),
       failed_slack_(problem.pairs()),
-      reporter_(problem) {
+      reporter_(problem),
+      blocks_(problem.pairs() >= tuning::large_pairs),
+      taken_(blocks_ ? static_cast<std::size_t>(problem.layout.size()) : 0) {
   candidates_.reserve(static_cast<std::size_t>(problem.pairs()));
   companions_.reserve(static_cast<std::size_t>(problem.pairs()));
   failed_exchanges_.reserve(4 * tuning::exchange_candidates * tuning::exchange_companions);
@@ -54,8 +56,12 @@ bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) 
     do {
       before = accepted_;
       if (rho >= plan.rho_exchange) search_exchanges(run, plan.exchange_patience, last_factorization);
-      if (switches)
-        search_switches(run, first ? plan.first_patience : plan.switch_patience, last_factorization);
+      const int patience = first ? plan.first_patience : plan.switch_patience;
+      if (switches && blocks_) {
+        search_blocks(run, patience, last_factorization);
+      } else if (switches) {
+        search_switches(run, patience, last_factorization);
+      }
       if (!run.interrupted()) switch_failures_ = 0;
     } while (rho >= plan.rho_exchange && accepted_ > before && !lost_ && !run.interrupted() &&
              run.factorizations < last_factorization);
@@ -132,6 +138,98 @@ void LocalSearch::search_switches(Run& run, int patience, int last_factorization
       }
     }
   }
+}
+
+// In a large problem most switches do not affect each other. Those that gain by themselves and change
+// different rows are made together, with one solve. As above, the first improvements are taken, until a whole
+// list gives none.
+void LocalSearch::search_blocks(Run& run, int patience, int last_factorization) {
+  const auto most = static_cast<std::size_t>(problem_.pairs() / tuning::large_block);
+  const auto stops = [&] {
+    return lost_ || switch_failures_ >= patience || run.factorizations >= last_factorization ||
+           run.interrupted();
+  };
+  for (bool any = true; any && !stops();) {
+    any = false;
+    rank_switches();
+    for (auto next = candidates_.begin(); next != candidates_.end() && !stops();) {
+      block_.clear();
+      block_rows_.clear();
+      std::fill(taken_.begin(), taken_.end(), std::uint8_t{0});
+      for (; next != candidates_.end() && block_.size() < most && !stops(); ++next) {
+        const Index pair = next->pair;
+        const Index fixed = parametric_.fixed_row(pair);
+        const Index free = parametric_.free_row(pair);
+        const double multiplier = parametric_.multiplier(fixed);
+        if (multiplier > -tuning::pull) continue;
+        failed_multiplier_[pair] = multiplier;
+        failed_slack_[pair] = parametric_.slack(free);
+        const Parametric::Move moves[] = {{fixed, false}, {free, true}};
+        if (parametric_.follow(moves, elastic_.objective() - least_improvement(), 0.0)) {
+          if (add_to_block(pair)) switch_failures_ = 0;
+        } else {
+          ++switch_failures_;
+        }
+      }
+      any = take_block(run) || any;
+    }
+  }
+}
+
+// Adds a pair that Parametric has just switched, if its rows are not those of other members.
+bool LocalSearch::add_to_block(Index pair) {
+  const std::size_t begin = block_rows_.size();
+  parametric_.read_changed_rows(block_rows_);
+  const auto rows = std::span(block_rows_).subspan(begin);
+  if (std::any_of(rows.begin(), rows.end(), [this](Index row) { return taken_[row] != 0; })) {
+    block_rows_.resize(begin);
+    failed_multiplier_[pair] = std::numeric_limits<double>::infinity();
+    return false;
+  }
+  for (const Index row : rows) taken_[row] = 1;
+  block_.push_back({pair, block_rows_.size()});
+  return true;
+}
+
+// Makes the moves of the block, or those of its first half, or of its first quarter, and so on.
+bool LocalSearch::take_block(Run& run) {
+  if (block_.empty()) return false;
+  if (run.interrupted()) {  // a run that resumes tries them again
+    for (const Member& member : block_)
+      failed_multiplier_[member.pair] = std::numeric_limits<double>::infinity();
+    return false;
+  }
+  before_ = elastic_.point().set;
+  bool better = false;
+  for (std::size_t count = block_.size(); count > 0 && !better && !lost_; count /= 2)
+    better = take_first(run, count);
+  if (lost_) return false;
+  parametric_.start(elastic_);
+  if (!better) ++switch_failures_;
+  return better;
+}
+
+bool LocalSearch::take_first(Run& run, std::size_t count) {
+  const double rho = elastic_.rho();
+  const double target = elastic_.objective() - 0.5 * least_improvement();
+  WorkingSet& set = elastic_.point().set;
+  for (std::size_t k = 0; k < count; ++k) set.switch_pair(block_[k].pair);
+  for (std::size_t k = 0; k < block_[count - 1].end; ++k) {
+    const Index row = block_rows_[k];
+    if (!set.is_fixed(row)) set.held[row] = before_.held[row] ^ 1U;
+  }
+  if (elastic_.solve(run, rho, ElasticRelaxation::Rows::held, tuning::engine_budget) &&
+      elastic_.objective() < target) {
+    accepted_ += static_cast<int>(count);
+    ++run.iterations;
+    report(run);
+    for (std::size_t k = 0; k < count; ++k)
+      failed_multiplier_[block_[k].pair] = std::numeric_limits<double>::infinity();
+    return true;
+  }
+  set = before_;
+  lost_ = !elastic_.solve(run, rho, ElasticRelaxation::Rows::held, tuning::engine_budget);
+  return false;
 }
 
 // Makes the moves that Parametric has just followed, or undoes them if its prediction was wrong.

@@ -51,6 +51,10 @@ class LocalSearch {
     double rank;  // lower ranks are tried first
   };
   void search_switches(Run& run, int patience, int last_factorization);
+  void search_blocks(Run& run, int patience, int last_factorization);
+  [[nodiscard]] bool add_to_block(Index pair);
+  [[nodiscard]] bool take_block(Run& run);
+  [[nodiscard]] bool take_first(Run& run, std::size_t count);
   void search_exchanges(Run& run, int patience, int last_factorization);
   [[nodiscard]] bool exchange_some(Run& run, int patience, int last_factorization);
   void rank_switches();
@@ -74,7 +78,15 @@ class LocalSearch {
   int accepted_ = 0;
   int switch_failures_ = 0, exchange_failures_ = 0;  // consecutive; kept if a run is interrupted
   double rho_ = 0.0;                                 // the current ρ, or that of the interrupted last run
-  bool lost_ = false;  // a move was undone, and the optimum before it was not found again
+  const bool blocks_;                                // switches are made together
+  struct Member {
+    Index pair;
+    std::size_t end;  // of its rows in block_rows_
+  };
+  std::vector<Member> block_;        // pairs that switch together
+  std::vector<Index> block_rows_;    // other rows that become active or inactive with them
+  std::vector<std::uint8_t> taken_;  // rows that a member of the block changes
+  bool lost_ = false;                // a move was undone, and the optimum before it was not found again
 };
 
 }  // namespace marble
