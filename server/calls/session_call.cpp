@@ -143,7 +143,8 @@ Expected<void> SessionCall::take_setup(const std::shared_ptr<const v1::SessionSe
   job->work = [this, message, setup = *setup](const SolveControls& controls) -> Expected<Solution> {
     const SetupControls limits{.most_bytes = std::min(parts_.config.solve_bytes, parts_.sessions.room()),
                                .most_factorization_s = parts_.config.solve_seconds,
-                               .stop = controls.stop};
+                               .stop = controls.stop,
+                               .pause = controls.pause};
     auto solver = WarmSolver::create(setup.problem, setup.options, setup.initial_z, limits);
     if (!solver) return unexpected(solver.error());
     solver_ = std::move(*solver);
@@ -251,7 +252,7 @@ std::shared_ptr<Job> SessionCall::next_job() {
     if (report_progress_) slot_.started();
     record_->set_options(update->options());
     if (update->prepares()) {
-      auto prepared = solver_->prepare(update->checked(), {.stop = controls.stop});
+      auto prepared = solver_->prepare(update->checked(), {.stop = controls.stop, .pause = controls.pause});
       if (!prepared) return unexpected(std::move(prepared.error()));
       Solution ready;
       ready.status = Status::solved;

@@ -204,8 +204,7 @@ class Scheduler final : public TimerListener, public TaskRunner {
   // Called on any thread that works for a job of lower priority: runs the next job above it, if there is one
   // that no idle worker takes. Returns whether it did.
   bool run_urgent(Job& paused, bool own_thread) ABSL_LOCKS_EXCLUDED(mutex_);
-  // A job on top of another one is not preempted.
-  void run_job(const std::shared_ptr<Job>& job, bool on_top) ABSL_LOCKS_EXCLUDED(mutex_);
+  void run_job(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
   void end_job(const std::shared_ptr<Job>& job, Outcome outcome, Clock::duration paused)
       ABSL_LOCKS_EXCLUDED(mutex_);
   void look_at_waiting() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

@@ -49,7 +49,8 @@ void report_started(Job& job, double queue_s) {
 
 }  // namespace
 
-// Lets a running job be preempted. For each pause, the job runs an eighth as long before the next one, so it
+// Lets a running job be preempted, also one that preempted another: there are as many on a thread as
+// priorities, at most. For each pause, the job runs an eighth as long before the next one, so it
 // always progresses.
 class Scheduler::SteppingAside final : public Pause {
  public:
@@ -139,7 +140,7 @@ bool Scheduler::run_urgent(Job& paused, bool own_thread) {
     running_.push_back(job);
     if (own_thread) paused.is_paused = true, ++paused_;
   }
-  run_job(job, true);
+  run_job(job);
   const MutexLock lock(mutex_);
   if (own_thread) paused.is_paused = false, --paused_;
   return true;
@@ -149,7 +150,7 @@ void Scheduler::work() {
   while (true) {
     const Next next = this->next();
     if (next.job != nullptr) {
-      run_job(next.job, false);
+      run_job(next.job);
     } else if (next.task != nullptr) {
       (*next.task)();
       const MutexLock lock(mutex_);
@@ -189,7 +190,7 @@ void Scheduler::run(std::span<const std::function<void()>> tasks) {
   while (shared.helpers > 0) helped_.wait(mutex_);
 }
 
-void Scheduler::run_job(const std::shared_ptr<Job>& job, bool on_top) {
+void Scheduler::run_job(const std::shared_ptr<Job>& job) {
   const Clock::time_point begin = job->begun;
   SteppingAside pause(*this, *job);
   Outcome outcome;
@@ -199,7 +200,7 @@ void Scheduler::run_job(const std::shared_ptr<Job>& job, bool on_top) {
     outcome.solution = unexpected(too_late(*job, begin));
   } else {
     report_started(*job, outcome.queue_s);
-    outcome.solution = solve(*job, *this, on_top ? nullptr : &pause, job->stop.get_token());
+    outcome.solution = solve(*job, *this, &pause, job->stop.get_token());
   }
   end_job(job, std::move(outcome), pause.paused());
 }

@@ -178,13 +178,15 @@ Expected<void> set_coupled_work(const Config& config, std::shared_ptr<const v1::
               reported](const SolveControls& given) -> Expected<Solution> {
     CoupledControls controls{.stop = given.stop,
                              .runner = given.runner,
+                             .pause = given.pause,
                              .setup = limits,
                              .begun = steady_clock::now(),
                              .activity = given.activity};
     if (given.begun) controls.begun = given.begun;
     if (given.progress != nullptr) {
       controls.progress = [&](const CoupledIteration& iteration) {
-        const std::chrono::duration<double> past = steady_clock::now() - *controls.begun;
+        std::chrono::duration<double> past = steady_clock::now() - *controls.begun;
+        if (controls.pause != nullptr) past -= controls.pause->paused();
         given.progress->report(row_of(iteration, past.count()));
       };
     }

@@ -179,6 +179,32 @@ TEST_F(SchedulerTest, AnUpdateOfASessionRunsOnTopOfAJobOfLowerPriority) {
   EXPECT_EQ(batch.waiter->wait().solution->status, Status::cancelled);
 }
 
+// One worker, whose job is preempted by a job that is preempted, too.
+TEST_F(SchedulerTest, AnUpdateThatPreemptsAJobMakesWayForAMoreUrgentOne) {
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_, metrics_);
+  const Request batch = make(testing::long_request());
+  batch.job->ticket.priority = Priority::batch;
+  ASSERT_TRUE(scheduler.admit(batch.job).has_value());
+  batch.waiter->wait_started();
+  std::atomic<bool> go_on = true;
+  const Request slow = make(testing::example_request()), urgent = make(testing::example_request());
+  slow.job->ticket.may_preempt = urgent.job->ticket.may_preempt = true;
+  slow.job->work = [&](const SolveControls& controls) -> Expected<Solution> {
+    while (go_on && !controls.stop.stop_requested()) controls.pause->look();
+    return made_up_solution();
+  };
+  ASSERT_TRUE(scheduler.admit(slow.job).has_value());
+  slow.waiter->wait_started();
+  urgent.job->ticket.priority = Priority::realtime;
+  ASSERT_TRUE(scheduler.admit(urgent.job).has_value());
+  EXPECT_TRUE(urgent.waiter->wait().solution.has_value());
+  EXPECT_TRUE(eventually([&] { return scheduler.counters().running == 1; })) << "the slow one goes on";
+  go_on = false;
+  EXPECT_TRUE(slow.waiter->wait().solution.has_value());
+  scheduler.cancel(batch.job);
+  EXPECT_EQ(batch.waiter->wait().solution->status, Status::cancelled);
+}
+
 TEST_F(SchedulerTest, AJobOfTheSamePriorityOrWithoutMemoryOfItsOwnWaits) {
   Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_, metrics_);
   const Request running = make(testing::long_request());

@@ -208,7 +208,7 @@ class Sensitivity {
   [[nodiscard]] static Expected<Sensitivity> create(const Problem& problem, const Solution& answer);
   /// The same with limits. A problem that needs more memory is refused with resource_exhausted, field
   /// "problem", before allocation. The stop token and the end time end this call and all later requests, with
-  /// failed_precondition.
+  /// failed_precondition; the pause must outlive the object.
   [[nodiscard]] static Expected<Sensitivity> create(const Problem& problem, const Solution& answer,
                                                     const SetupControls& controls);
 

@@ -211,8 +211,11 @@ Expected<Solution> solve_from(const Problem& problem, Solution start, const Coor
     start = search_near(problem, std::move(start), options.options, beside);
   }
   const int searched = start.factorizations;
-  const SolveControls how{
-      .stop = controls.stop, .warm_start = &start, .runner = controls.runner, .begun = controls.begun};
+  const SolveControls how{.stop = controls.stop,
+                          .warm_start = &start,
+                          .runner = controls.runner,
+                          .pause = controls.pause,
+                          .begun = controls.begun};
   auto solution = solver ? solver->solve(how) : solve_once(problem, options.options, how);
   if (!solution) return solution;
   solution->factorizations += searched;
@@ -268,7 +271,7 @@ Expected<CoupledSolution> solve_coupled(const CoupledView& view, const CoupledOp
     if (auto valid = check_start(view, *controls.start); !valid) return unexpected(valid.error());
   }
   CoupledControls own = controls;
-  if (!own.begun) own.begun = std::chrono::steady_clock::now();
+  if (!own.begun) own.begun = Interrupt::now(own.pause);
   return or_out_of_memory([&]() -> Expected<CoupledSolution> {
     if (auto fits = charge(own, working_bytes(view), "blocks"); !fits) return unexpected(fits.error());
     // The blocks' solvers are destroyed before the monolithic one is created.

@@ -15,13 +15,15 @@ namespace marble {
 }
 /// Returns the interrupt that ends a coupled solve.
 [[nodiscard]] inline Interrupt interrupt_of(const CoupledControls& controls, const Options& options) {
-  return controls.begun ? Interrupt(controls.stop, after(*controls.begun, options.time_limit_s))
-                        : Interrupt(controls.stop);
+  const auto never = Interrupt::Clock::time_point::max();
+  const auto until = controls.begun ? after(*controls.begun, options.time_limit_s) : never;
+  return Interrupt(controls.stop, until, controls.pause);
 }
 /// The same, for solvers and derivatives that are set up within the memory of `controls`.
 [[nodiscard]] inline SetupControls setup_of(const CoupledControls& controls, const Options& options) {
   SetupControls setup = controls.setup;
   setup.stop = controls.stop;
+  setup.pause = controls.pause;
   setup.until = SetupControls().until;
   if (controls.begun) setup.until = after(*controls.begun, options.time_limit_s);
   return setup;

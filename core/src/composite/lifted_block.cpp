@@ -257,7 +257,7 @@ Expected<std::vector<double>> LiftedResponse::at(const LiftedBlock& block, const
                                                  const Solution& answer, const Create& create,
                                                  const SetupControls& ends) {
   using Response = std::vector<double>;
-  const Interrupt interrupt(ends.stop, ends.until);
+  const Interrupt interrupt(ends.stop, ends.until, ends.pause);
   if (sensitivity_) {
     if (!sensitivity_->renew(update, answer)) return Response();
   } else {
@@ -285,7 +285,7 @@ std::vector<double> without_proximal(std::vector<double> with, std::size_t m, do
                                      const SetupControls& ends) {
   if (m == 0) return {};
   const auto size = static_cast<Eigen::Index>(m);
-  const Interrupt interrupt(ends.stop, ends.until);
+  const Interrupt interrupt(ends.stop, ends.until, ends.pause);
   Eigen::Map<Eigen::MatrixXd> response(with.data(), size, size);
   Eigen::MatrixXd vectors = 0.5 * proximal * (response + response.transpose());
   Eigen::VectorXd values;

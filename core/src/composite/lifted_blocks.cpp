@@ -39,7 +39,8 @@ class SolverHere final : public BlockSolver {
       if (!made) return unexpected(made.error());
       solver_.emplace(*std::move(made));
     }
-    return solver_->solve({.stop = controls_.stop, .warm_start = start, .begun = controls_.begun});
+    return solver_->solve(
+        {.stop = controls_.stop, .warm_start = start, .pause = controls_.pause, .begun = controls_.begun});
   }
 
  private:

@@ -13,7 +13,8 @@ namespace marble {
 Solution search_near(const Problem& user_problem, Solution start, const Options& user_options,
                      const CoupledControls& controls) {
   const Options options = in_force(user_options);
-  const SolveControls how{.stop = controls.stop, .runner = controls.runner, .begun = controls.begun};
+  const SolveControls how{
+      .stop = controls.stop, .runner = controls.runner, .pause = controls.pause, .begun = controls.begun};
   Run run(options, how);  // refers to options and how
   const ScaledProblem problem = scale(user_problem, options.scaling_passes, run.interrupt());
   KktCost least;

@@ -7,6 +7,7 @@
 #include <limits>
 #include <optional>
 
+#include "model/interrupt.h"
 #include "model/tuning.h"
 #include "path/run_tasks.h"
 
@@ -20,7 +21,10 @@ ProblemUpdate numbers_of(const OwnedProblem& p) {
 // One batch: one solver for all of its scenarios, set up for the first of them.
 class Batch {
  public:
-  explicit Batch(const BatchControls& controls) : controls_(controls), options_(controls.options) {}
+  explicit Batch(const BatchControls& controls)
+      : controls_(controls),
+        interrupt_(controls.stop, controls.until, controls.pause),
+        options_(controls.options) {}
 
   // Solves the LCQP of a scenario, from `start` unless it is null.
   Recourse solve(const OwnedProblem& scenario, const Solution* start) {
@@ -28,19 +32,21 @@ class Batch {
     if (!solver_) {
       const auto problem = Problem::create(scenario.view());
       if (!problem) return {};
-      auto made = Solver::create(
-          *problem, options_,
-          {.most_bytes = controls_.most_bytes, .stop = controls_.stop, .until = controls_.until});
+      auto made = Solver::create(*problem, options_,
+                                 {.most_bytes = controls_.most_bytes,
+                                  .stop = controls_.stop,
+                                  .pause = controls_.pause,
+                                  .until = controls_.until});
       if (!made) return {interrupted().value_or(Status::numerical_failure), {}};
       solver_.emplace(*std::move(made));
     } else if (!solver_->update(numbers_of(scenario))) {
       return {};
     }
-    options_.time_limit_s = std::max(
-        0.0, std::chrono::duration<double>(controls_.until - std::chrono::steady_clock::now()).count());
+    options_.time_limit_s =
+        std::max(0.0, std::chrono::duration<double>(controls_.until - interrupt_.now()).count());
     options_.time_limit_s = std::min(options_.time_limit_s, most_s_);
     if (!solver_->set_options(options_)) return {};
-    auto solution = solver_->solve({.stop = controls_.stop, .warm_start = start});
+    auto solution = solver_->solve({.stop = controls_.stop, .warm_start = start, .pause = controls_.pause});
     if (!solution) return {};
     const Status status = solution->status;
     return {status, *std::move(solution)};
@@ -48,12 +54,12 @@ class Batch {
 
  private:
   [[nodiscard]] std::optional<Status> interrupted() const {
-    if (controls_.stop.stop_requested()) return Status::cancelled;
-    if (std::chrono::steady_clock::now() >= controls_.until) return Status::time_limit;
-    return std::nullopt;
+    if (!interrupt_.requested()) return std::nullopt;
+    return interrupt_.stop_requested() ? Status::cancelled : Status::time_limit;
   }
 
   const BatchControls& controls_;
+  const Interrupt interrupt_;
   Options options_;
   double most_s_ = Options().time_limit_s;
   std::optional<Solver> solver_;

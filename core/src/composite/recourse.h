@@ -22,10 +22,11 @@ struct Recourse {
 
 /// Controls of the solves in batches.
 struct BatchControls {
-  Options options;  ///< its time limit is ignored
-  std::chrono::steady_clock::time_point until;
+  Options options;                              ///< its time limit is ignored
+  std::chrono::steady_clock::time_point until;  ///< by the clock of the pause
   std::stop_token stop;
   TaskRunner* runner = nullptr;
+  Pause* pause = nullptr;
   std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max();  ///< of the solver of one scenario
 };
 

@@ -23,10 +23,6 @@ bool is_without_plan(Status status) {
   return status == Status::infeasible || status == Status::locally_infeasible;
 }
 
-double seconds_since(Clock::time_point begun) {
-  return std::chrono::duration<double>(Clock::now() - begun).count();
-}
-
 Expected<void> validate_settings(const ScenarioSettings& s) {
   const auto check = [](bool valid, const char* field, auto value, const char* bound) -> Expected<void> {
     if (valid) return {};
@@ -94,9 +90,9 @@ class StageLoop {
         controls_(controls),
         setup_(setup),
         stages_(std::move(stages)),
-        begun_(controls.begun.value_or(Clock::now())),
+        begun_(controls.begun.value_or(Interrupt::now(controls.pause))),
         until_(after(begun_, settings.options.time_limit_s)),
-        interrupt_(controls.stop, until_),
+        interrupt_(controls.stop, until_, controls.pause),
         most_(std::min(settings.max_sample_size, problem.scenarios)),
         progress_(controls.progress) {}
 
@@ -189,7 +185,7 @@ class StageLoop {
   // Starts from the last stage's solution, lifted. The search for a distant feasible point comes last: if
   // none exists, it is faster to find a scenario that has no plan alone.
   Expected<Solution> solve(SampleAverageStage& stage) {
-    const auto begun = Clock::now();
+    const auto begun = interrupt_.now();
     const auto sample = scenarios(0, stage.scenarios);
     weights_ = normalized_weights(sample);
     std::optional<Solution> start;
@@ -210,6 +206,7 @@ class StageLoop {
                           2.0 * count * stages_.part_bytes();
     SetupControls limits = setup_;
     limits.stop = controls_.stop;
+    limits.pause = controls_.pause;
     limits.until = until_;
     limits.most_bytes = bytes_left(beside);
     auto solver = Solver::create(*problem, options, limits);
@@ -228,7 +225,7 @@ class StageLoop {
     stage.status = solution->status;
     stage.detail = solution->detail;
     stage.objective = solution->objective;
-    stage.seconds = seconds_since(begun);
+    stage.seconds = std::chrono::duration<double>(interrupt_.now() - begun).count();
     return solution;
   }
 
@@ -279,9 +276,9 @@ class StageLoop {
       return;
     }
     const std::int64_t first = answer_.scenarios;
-    const std::vector<Status> alone =
-        solve_alone(stages_, scenarios(first, stage.scenarios),
-                    {settings_.options, until_, controls_.stop, controls_.runner, batch_bytes_});
+    const std::vector<Status> alone = solve_alone(
+        stages_, scenarios(first, stage.scenarios),
+        {settings_.options, until_, controls_.stop, controls_.runner, controls_.pause, batch_bytes_});
     for (std::size_t s = 0; s < alone.size(); ++s)
       if (is_without_plan(alone[s])) answer_.infeasible.push_back(first + static_cast<std::int64_t>(s));
   }
@@ -320,8 +317,10 @@ class StageLoop {
 
   // Limits the search for a recourse to the neighbourhood of its start.
   [[nodiscard]] BatchControls recourse_controls(std::size_t count) const {
-    BatchControls result{settings_.options, until_, controls_.stop, controls_.runner,
-                         bytes_left(bytes_held() + static_cast<double>(count) * stages_.part_bytes())};
+    BatchControls result{
+        settings_.options, until_,
+        controls_.stop,    controls_.runner,
+        controls_.pause,   bytes_left(bytes_held() + static_cast<double>(count) * stages_.part_bytes())};
     result.options.num_starts = 1;
     result.options.global_search = false;
     result.options.max_local_search_factorizations = result.options.max_feasibility_factorizations = 0;
@@ -350,7 +349,7 @@ class StageLoop {
     if (interrupted()) return {};
     const auto drawn = scenarios(stage.scenarios, std::max(stage.scenarios, last));
     if (drawn.empty()) return {};
-    const auto begun = Clock::now();
+    const auto begun = interrupt_.now();
     std::vector<const Solution*> starts;
     Checkpoint checkpoint(interrupt_);
     for (const ScenarioNumbers& scenario : drawn) starts.push_back(nearest_part(scenario, checkpoint));
@@ -361,7 +360,7 @@ class StageLoop {
     });
     if (all) {
       stage.out_of_sample = judged(drawn, recourse_);
-      stage.out_of_sample->seconds = seconds_since(begun);
+      stage.out_of_sample->seconds = std::chrono::duration<double>(interrupt_.now() - begun).count();
     }
     return {};
   }
@@ -375,7 +374,7 @@ class StageLoop {
 
   [[nodiscard]] std::optional<ScenarioEnd> end_of(const SampleAverageStage& stage) const {
     if (controls_.stop.stop_requested()) return ScenarioEnd::cancelled;
-    if (Clock::now() >= until_) return ScenarioEnd::time_limit;
+    if (interrupt_.now() >= until_) return ScenarioEnd::time_limit;
     if (settings_.tolerance == 0.0 || stage.scenarios < settings_.min_sample_size || !stage.out_of_sample)
       return std::nullopt;
     const OutOfSample& out_of_sample = *stage.out_of_sample;

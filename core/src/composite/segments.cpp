@@ -26,7 +26,7 @@ class Cutter {
          const SetupControls& ends)
       : p_(problem),
         segment_of_(segment_of_variable),
-        interrupt_(ends.stop, ends.until),
+        interrupt_(ends.stop, ends.until, ends.pause),
         parts_(at(segments)),
         copies_(at(segments)) {}
 
@@ -327,8 +327,9 @@ std::vector<Index> ends_of(std::span<const Index> stage_of_variable,
 Expected<SegmentsSolution> ended_before(const Problem& problem, const SegmentsOptions& options,
                                         const CoupledControls& controls) {
   SegmentsSolution result;
-  auto whole = solve_once(problem, options.coupled.options, {.stop = controls.stop, .begun = controls.begun},
-                          controls.setup);
+  auto whole =
+      solve_once(problem, options.coupled.options,
+                 {.stop = controls.stop, .pause = controls.pause, .begun = controls.begun}, controls.setup);
   if (!whole) return unexpected(whole.error());
   result.whole = *std::move(whole);
   result.coordination.status = result.whole.status;
@@ -343,7 +344,7 @@ Expected<SegmentsSolution> solve_in_segments(const Problem& problem, std::span<c
                                              const CoupledControls& controls) {
   if (auto valid = options.check(); !valid) return unexpected(valid.error());
   CoupledControls own = controls;
-  if (!own.begun) own.begun = std::chrono::steady_clock::now();
+  if (!own.begun) own.begun = Interrupt::now(own.pause);
   return or_out_of_memory([&]() -> Expected<SegmentsSolution> {
     const auto segment_of_variable = segments_by_stage(stage_of_variable, options.num_segments);
     if (!segment_of_variable) return unexpected(segment_of_variable.error());
@@ -357,9 +358,10 @@ Expected<SegmentsSolution> solve_in_segments(const Problem& problem, std::span<c
     if (auto fits = charge(own, working_bytes(segments->view()), "segments"); !fits)
       return unexpected(fits.error());
     const std::vector<Index> ends = ends_of(stage_of_variable, *segment_of_variable, options.num_segments);
-    auto swept = sweep(
-        problem, {.stage_of_variable = stage_of_variable, .ends = ends, .overlap = options.overlap},
-        options.coupled.options, {.stop = own.stop, .runner = own.runner, .begun = own.begun}, own.setup);
+    const SolveControls alone{.stop = own.stop, .runner = own.runner, .pause = own.pause, .begun = own.begun};
+    auto swept =
+        sweep(problem, {.stage_of_variable = stage_of_variable, .ends = ends, .overlap = options.overlap},
+              options.coupled.options, alone, own.setup);
     if (!swept) return unexpected(swept.error());
     SegmentsSolution result;
     result.sweep_factorizations = swept->factorizations;
@@ -369,8 +371,7 @@ Expected<SegmentsSolution> solve_in_segments(const Problem& problem, std::span<c
       result.coordination.detail = "the segments were not solved one after the other: " + swept->detail;
       auto whole = stopped(result.coordination)
                        ? solve_from(problem, *std::move(swept), result.coordination, options.coupled, own)
-                       : solve_once(problem, options.coupled.options,
-                                    {.stop = own.stop, .runner = own.runner, .begun = own.begun}, own.setup);
+                       : solve_once(problem, options.coupled.options, alone, own.setup);
       if (!whole) return unexpected(whole.error());
       result.whole = *std::move(whole);
       if (!stopped(result.coordination)) result.whole.detail += "; " + result.coordination.detail;

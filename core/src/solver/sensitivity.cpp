@@ -80,7 +80,7 @@ Expected<Sensitivity> Sensitivity::create(const Problem& problem, const Solution
 Expected<Sensitivity> Sensitivity::create(const Problem& problem, const Solution& answer,
                                           const SetupControls& controls) {
   if (auto valid = check_answer(answer, PartSizes::of(problem)); !valid) return unexpected(valid.error());
-  const Interrupt interrupt(controls.stop, controls.until);
+  const Interrupt interrupt(controls.stop, controls.until, controls.pause);
   const double own = bytes_without_factor(problem), limit = static_cast<double>(controls.most_bytes);
   const auto refuse = [&](double bytes) {
     return unexpected(failure(ErrorCode::resource_exhausted, "problem",

@@ -112,10 +112,11 @@ struct CoupledControls {
   /// All blocks of an iteration run on it at once. Without a runner they run one after the other. The
   /// solution is the same to the last bit.
   TaskRunner* runner = nullptr;
+  Pause* pause = nullptr;  ///< as in SolveControls; asked by all threads that work for the solve
   /// Creates the blocks' solvers; by default a local Solver for each block.
   OpenBlockSolver open = {};
   /// most_bytes limits working_bytes() plus the solvers of all local blocks, and then plus the monolithic
-  /// one; most_factorization_s applies to each solver. The stop token and end time in it are ignored.
+  /// one; most_factorization_s applies to each solver. The stop token, pause and end time in it are ignored.
   SetupControls setup = {};
   const CoupledStart* start = nullptr;  ///< must outlive the call
   /// When the time limit began; by default the beginning of the solve.
