@@ -3,7 +3,6 @@
 #include <absl/random/random.h>
 
 #include <cstdint>
-#include <cstdio>
 #include <limits>
 
 namespace marble::server {
@@ -12,8 +11,9 @@ std::string random_id() {
   thread_local absl::BitGen generator;
   const auto bits = absl::Uniform<std::uint64_t>(absl::IntervalClosed, generator, 1,
                                                  std::numeric_limits<std::uint64_t>::max());
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(bits));
+  std::string text(16, '0');
+  for (int digit = 0; digit < 16; ++digit)
+    text[static_cast<std::size_t>(digit)] = "0123456789abcdef"[bits >> (60 - 4 * digit) & 15];
   return text;
 }
 

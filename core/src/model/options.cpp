@@ -157,9 +157,11 @@ Expected<void> validate(const Options& options) {
 }
 
 Expected<void> validate_ranges(const Options& options) {
-  for (const OptionInfo& info : kTable) {
-    if (auto valid = check(info, get_option(options, info.name)); !valid) return valid;
-  }
+  const OptionInfo* info = kTable;
+#define MARBLE_OPTION(type, member, default_value, low, high, unit, doc) \
+  if (auto valid = check(*info++, static_cast<double>(options.member)); !valid) return valid;
+#include "marble/options.def"
+#undef MARBLE_OPTION
   return {};
 }
 
