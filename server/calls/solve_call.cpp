@@ -22,6 +22,7 @@ Expected<void> SolveCall::admit(const grpc::ByteBuffer* request, const grpc::Cal
                                 Origin& origin) {
   const auto caller = caller_of(parts_, context, origin, Role::solve);
   if (!caller) return unexpected(caller.error());
+  if (auto room = refuse_early(parts_, *caller, *request, origin); !room) return room;
   auto message = std::make_shared<v1::SolveRequest>();
   if (auto parsed = parse(request, message.get()); !parsed) return parsed;
   origin.request_id = message->request_id();

@@ -54,14 +54,15 @@ class RunEstimates {
     const Estimate* known = find(key);
     return known == nullptr ? 0.0 : known->mean_s + 4.0 * known->deviation_s;
   }
-  /// True if one job may run against an old estimate; no other may for a while after it. Without this, a
-  /// single slow run would cause all later jobs to be refused forever.
-  [[nodiscard]] bool may_try(const Key& key, Time now) {
+  /// True if the estimate may be outdated, or there is none.
+  [[nodiscard]] bool is_old(const Key& key, Time now) const {
     const auto known = estimates_.find(key);
-    if (known == estimates_.end()) return true;
-    if (now - known->second.seen < kOld) return false;
-    known->second.seen = now;
-    return true;
+    return known == estimates_.end() || now - known->second.seen >= kOld;
+  }
+  /// One job runs against an old estimate, which then does not count as old for a while, for all others.
+  /// Without such tries, a single slow run would cause all later jobs to be refused forever.
+  void tries(const Key& key, Time now) {
+    if (const auto known = estimates_.find(key); known != estimates_.end()) known->second.seen = now;
   }
 
   [[nodiscard]] std::size_t size() const { return estimates_.size(); }
@@ -74,7 +75,7 @@ class RunEstimates {
 
   struct Estimate {
     double mean_s = 0.0, deviation_s = 0.0;
-    Time seen;  // when a job last ended, or was allowed to run against the estimate
+    Time seen;  // when a job last ended, or was tried against the estimate
   };
 
   [[nodiscard]] static Key everybody(const Key& key) { return {"", key.priority, key.work_class}; }

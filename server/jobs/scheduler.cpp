@@ -13,23 +13,6 @@ namespace {
 
 constexpr double kNewest = 0.1;                           // weight of the newest solve in the mean
 constexpr auto kPlaces = std::chrono::milliseconds(250);  // between updates of all places in the queue
-// Part of the time until a deadline for the result to arrive: a tenth, but no more than a busy machine needs.
-constexpr double kShareForAnswer = 0.1;
-constexpr double kMostForAnswerS = 0.025;
-
-double for_answer_s(double left_s) { return std::min(kMostForAnswerS, kShareForAnswer * left_s); }
-
-Error cannot_be_in_time(double left_s, double wait_s, double likely_s) {
-  return failure(ErrorCode::resource_exhausted, "deadline", std::to_string(left_s) + " s",
-                 "leaves no time for a wait of about " + std::to_string(wait_s) + " s and a solve of about " +
-                     std::to_string(likely_s) + " s");
-}
-
-// Updates of sessions follow a contract of their own: they are tried unless their deadline has passed.
-bool may_be_refused(const Ticket& ticket) {
-  return !ticket.reserved && ticket.deadline != Clock::time_point::max();
-}
-
 std::string full_queue(const QueueLimits& limits, Priority priority) {
   const int jobs = limits.jobs_for(priority);
   const int kept = limits.jobs - jobs;
@@ -109,25 +92,15 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
     return unexpected(draining());
   }
   const RunEstimates::Key key = key_of(job->ticket);
-  job->ticket.expected_run_s = estimates_.mean_s(key);
-  if (job->ticket.expected_run_s == 0.0)
-    job->ticket.expected_run_s = mean_run_s_[static_cast<std::size_t>(job->ticket.priority)];
-  if (may_be_refused(job->ticket)) {
-    // A job that begins should end in time, but one with little time from the start is not refused for it.
-    const double half_s = std::max(0.0, 0.5 * seconds(job->ticket.deadline - Clock::now()));
-    job->ticket.least_run = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
-        std::min(half_s, estimates_.longest_s(key) + for_answer_s(2.0 * half_s))));
-  }
+  estimate_run(*job, key);
   if (const auto why = queue_.push(job, job->ticket, job->quota); why != QueueRefusal::none) {
     if (fits_alone(*job) && !waiter.expired()) room_waiters_.push_back(waiter);
     return unexpected(refusal_of(why, limits_, job->ticket, job->quota));
   }
   look_at_waiting();
   const QueuePlace place = place_of(*job, busy_s());
-  if (may_be_refused(job->ticket)) {
-    if (auto in_time = check_deadline(job, key, place.estimated_wait_s); !in_time)
-      return unexpected(in_time.error());
-  }
+  if (auto in_time = check_deadline(job, key, place.estimated_wait_s); !in_time)
+    return unexpected(in_time.error());
   if (!job->ticket.reserved) ++counters_.accepted;
   if (job->ticket.takes_place()) {
     board_.add(job->record);
@@ -143,24 +116,6 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
   if (job->observer->wants_place()) place_listeners_.push_back({job, job->observer});
   if (here != nullptr) *here = begin_here(job);
   return place;
-}
-
-// Removes a job again that by the estimates cannot end in time, unless a worker is idle. Of jobs that even
-// an idle server could not finish in time, one is tried now and then: the estimate may be outdated.
-Expected<void> Scheduler::check_deadline(const std::shared_ptr<Job>& job, const RunEstimates::Key& key,
-                                         double wait_s) {
-  const Clock::time_point now = Clock::now();
-  const double left_s = seconds(job->ticket.deadline - now);
-  const double left_for_it_s = left_s - for_answer_s(left_s);
-  const double likely_s = estimates_.likely_s(key);
-  if (left_s <= 0.0 || wait_s + likely_s <= left_for_it_s) return {};
-  queue_.remove(job.get());
-  const bool is_free = wait_s <= 0.0;  // a worker that has nothing better to do
-  if (!is_free && (wait_s > left_for_it_s || !estimates_.may_try(key, now)))
-    return unexpected(cannot_be_in_time(left_s, wait_s, likely_s));
-  job->ticket.least_run = {};
-  static_cast<void>(queue_.push(job, job->ticket, job->quota));  // back to the place that it just left
-  return {};
 }
 
 std::unique_ptr<Scheduler::Held> Scheduler::hold(const std::string& client, std::int64_t bytes,

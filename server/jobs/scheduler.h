@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <thread>
 #include <vector>
 
@@ -75,6 +76,10 @@ class Scheduler final : public TimerListener, public TaskRunner {
   /// call.
   [[nodiscard]] Expected<QueuePlace> admit_here(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
   static constexpr std::chrono::milliseconds kMostHere{2};
+
+  /// Returns the error with which admit() would refuse a job with this one's ticket and quota now; nothing
+  /// if it would accept it. The job needs nothing else.
+  [[nodiscard]] Expected<void> may_enter(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
 
   /// Number of jobs that would begin at once if they arrived now; negative if jobs are waiting.
   [[nodiscard]] int free_workers() const ABSL_LOCKS_EXCLUDED(mutex_);
@@ -215,6 +220,14 @@ class Scheduler final : public TimerListener, public TaskRunner {
   void count(const Job& job, const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void count_answer(const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] QueuePlace place_of(const Job& job, const std::vector<double>& busy_s) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void estimate_run(Job& job, const RunEstimates::Key& key) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Whether a job can end by its deadline after this wait. If not, it may be tried unless it must be refused.
+  struct Chance {
+    bool is_likely = true;
+    std::optional<Error> refusal = {};
+  };
+  [[nodiscard]] Chance chance_of(const Job& job, const RunEstimates::Key& key, double wait_s) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] Expected<void> check_deadline(const std::shared_ptr<Job>& job, const RunEstimates::Key& key,
                                               double wait_s) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

@@ -1,5 +1,9 @@
 #include "service/admission.h"
 
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/wire_format_lite.h>
+#include <grpcpp/support/proto_buffer_reader.h>
+
 #include <algorithm>
 #include <bit>
 #include <utility>
@@ -200,6 +204,38 @@ std::shared_ptr<Job> job_of(const Caller& caller, const Quota& quota, const v1::
   return job;
 }
 
+// Reads the fields of a request that decide how it is scheduled, and skips the others, such as the problem.
+// False if that is not possible in a few bytes.
+bool parse_head(const grpc::ByteBuffer& request, v1::SolveRequest* head) {
+  constexpr std::uint32_t kMostBytes = 4096;  // of a field
+  using Wire = google::protobuf::internal::WireFormatLite;
+  grpc::ProtoBufferReader reader(const_cast<grpc::ByteBuffer*>(&request));  // which it does not change
+  google::protobuf::io::CodedInputStream stream(&reader);
+  while (const std::uint32_t tag = stream.ReadTag()) {
+    const int number = Wire::GetTagFieldNumber(tag);
+    const bool is_text = Wire::GetTagWireType(tag) == Wire::WIRETYPE_LENGTH_DELIMITED;
+    std::uint32_t value = 0;
+    std::string bytes;
+    if (is_text && (number == v1::SolveRequest::kOptionsFieldNumber ||
+                    number == v1::SolveRequest::kRequestIdFieldNumber)) {
+      if (!stream.ReadVarint32(&value) || value > kMostBytes ||
+          !stream.ReadString(&bytes, static_cast<int>(value)))
+        return false;
+      if (number == v1::SolveRequest::kRequestIdFieldNumber) {
+        head->set_request_id(std::move(bytes));
+      } else if (head->has_options() || !head->mutable_options()->ParseFromString(bytes)) {
+        return false;
+      }
+    } else if (number == v1::SolveRequest::kPriorityFieldNumber && !is_text) {
+      if (!stream.ReadVarint32(&value)) return false;
+      head->set_priority(static_cast<v1::Priority>(value));
+    } else if (!Wire::SkipField(&stream, tag)) {
+      return false;
+    }
+  }
+  return stream.ConsumedEntireMessage();
+}
+
 }  // namespace
 
 Expected<Caller> caller_of(const ServiceParts& parts, const grpc::CallbackServerContext& context,
@@ -295,6 +331,21 @@ Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller&
     return solve_once(checked.problem, checked.options, controls, limits, report_memory);
   };
   return job;
+}
+
+Expected<void> refuse_early(const ServiceParts& parts, const Caller& caller, const grpc::ByteBuffer& request,
+                            Origin& origin) {
+  if (caller.deadline == Clock::time_point::max() || parts.scheduler.free_workers() > 0) return {};
+  v1::SolveRequest head;
+  if (!parse_head(request, &head)) return {};
+  const Quota quota = parts.access.quota_of(caller.identity.client);
+  const auto common = check_common(parts, quota, JobKind::solve, head);
+  if (!common) return {};
+  auto job = job_of(caller, quota, head, *common);
+  job->ticket.bytes = static_cast<std::int64_t>(request.Length());
+  job->ticket.work_class = work_class_of(job->ticket.bytes, common->options);
+  origin.request_id = head.request_id();
+  return parts.scheduler.may_enter(job);
 }
 
 void note_refusal(const ServiceParts& parts, const Origin& origin, const Error& error) {

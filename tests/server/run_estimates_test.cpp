@@ -17,7 +17,7 @@ TEST(RunEstimates, KnowsNothingAtFirst) {
   RunEstimates estimates;
   EXPECT_EQ(estimates.mean_s(kPlanner), 0.0);
   EXPECT_EQ(estimates.likely_s(kPlanner), 0.0);
-  EXPECT_TRUE(estimates.may_try(kPlanner, second(0)));
+  EXPECT_TRUE(estimates.is_old(kPlanner, second(0)));
 }
 
 TEST(RunEstimates, FollowsWhatRunsTake) {
@@ -64,10 +64,11 @@ TEST(RunEstimates, SoonForgetWhatWasOfOtherWork) {
 TEST(RunEstimates, AnOldEstimateIsTriedAgainstOnceInAWhile) {
   RunEstimates estimates;
   estimates.ran(kPlanner, 60.0, second(0));
-  EXPECT_FALSE(estimates.may_try(kPlanner, second(0.5)));
-  EXPECT_TRUE(estimates.may_try(kPlanner, second(1.5)));
-  EXPECT_FALSE(estimates.may_try(kPlanner, second(1.6))) << "one is enough";
-  EXPECT_TRUE(estimates.may_try(kPlanner, second(3)));
+  EXPECT_FALSE(estimates.is_old(kPlanner, second(0.5)));
+  EXPECT_TRUE(estimates.is_old(kPlanner, second(1.5)));
+  estimates.tries(kPlanner, second(1.5));
+  EXPECT_FALSE(estimates.is_old(kPlanner, second(1.6))) << "one is enough";
+  EXPECT_TRUE(estimates.is_old(kPlanner, second(3)));
 }
 
 TEST(RunEstimates, AreBounded) {

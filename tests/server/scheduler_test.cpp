@@ -146,11 +146,16 @@ TEST_F(SchedulerTest, WhatCannotEndInTimeIsRefusedAtOnce) {
   ASSERT_TRUE(scheduler.admit(running.job).has_value());
   running.waiter->wait_started();
   hasty.job->ticket.deadline = Clock::now() + std::chrono::milliseconds(20);
+  const auto could = scheduler.may_enter(hasty.job);
+  ASSERT_FALSE(could.has_value());
+  EXPECT_EQ(could.error().field, "deadline");
   const auto refused = scheduler.admit(hasty.job);
   ASSERT_FALSE(refused.has_value());
   EXPECT_EQ(refused.error().code, ErrorCode::resource_exhausted);
   EXPECT_EQ(refused.error().field, "deadline");
   patient.job->ticket.deadline = Clock::now() + std::chrono::hours(1);
+  EXPECT_TRUE(scheduler.may_enter(patient.job).has_value());
+  EXPECT_EQ(scheduler.counters().queued, 0) << "it was only a question";
   ASSERT_TRUE(scheduler.admit(patient.job).has_value());
   ASSERT_TRUE(scheduler.admit(free.job).has_value());
   scheduler.cancel(running.job);

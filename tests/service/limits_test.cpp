@@ -1,4 +1,6 @@
 // Limits: a full queue, deadlines in the queue and mid-solve, messages beyond their size.
+#include <limits>
+
 #include "service_test.h"
 
 namespace marble::testing {
@@ -33,6 +35,35 @@ TEST_F(Limits, AFullQueueRefusesAndReportsWhenToRetry) {
   running.cancel();
   ASSERT_TRUE(waiting.read_until(Event::kStarted)) << "room for the next";
   EXPECT_EQ(counters().refused_total(), 1);
+}
+
+// The fault of its problem shows how far it was read.
+TEST_F(Limits, ARequestThatCannotEndInTimeIsRefusedBeforeItsProblemIsRead) {
+  using std::chrono_literals::operator""ms;
+  start({"--workers", "1"});
+  v1::SolveRequest bad = example_request();
+  bad.mutable_problem()->set_gradient(0, std::numeric_limits<double>::quiet_NaN());
+  bad.set_request_id("hasty");
+  v1::SolveResponse response;
+  Stream running(solver(), long_request());
+  ASSERT_TRUE(running.read_until(Event::kStarted));
+  EXPECT_EQ(solve(bad, &response).error_code(), grpc::StatusCode::INVALID_ARGUMENT) << "it has time";
+  grpc::Status refused;
+  ASSERT_TRUE(eventually([&] {  // once the other job has run for as long as this one has time
+    refused = solve(bad, &response, 500ms);
+    return refused.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
+  }));
+  EXPECT_NE(refused.error_message().find("deadline"), std::string::npos) << refused.error_message();
+  EXPECT_TRUE(retry_info(refused).has_value());
+  bad.set_priority(static_cast<v1::Priority>(7));  // what is read is checked
+  EXPECT_EQ(solve(bad, &response, 500ms).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  bad.clear_priority();
+  bad.mutable_options()->set_max_iterations(-1);
+  EXPECT_EQ(solve(bad, &response, 500ms).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  bad.clear_options();
+  running.cancel();
+  ASSERT_TRUE(eventually_idle());
+  EXPECT_EQ(solve(bad, &response, 10'000ms).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
 }
 
 TEST_F(Limits, ARefusedStreamGetsTheSameStatusAndNoEvent) {
