@@ -1,0 +1,53 @@
+"""The documentation site, for Sphinx: deploy/docs builds it from the folder that docs/site/stage.py lays out."""
+
+import os
+import pathlib
+import re
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "docs/site"))
+REPOSITORY = os.environ.get("MARBLE_REPOSITORY", "").rstrip("/")  # where sources and "Edit this page" link to
+BRANCH = os.environ.get("MARBLE_BRANCH", "main")
+
+project = "Marble"
+author = "Marble Server maintainers"
+release = (ROOT / "deploy/VERSION").read_text(encoding="utf-8").strip()
+root_doc = "docs/index"
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_copybutton", "sphinx_design", "breathe", "links"]
+exclude_patterns = [".github/ISSUE_TEMPLATE", "client/cpp/docs"]
+templates_path = ["_templates"]
+
+myst_enable_extensions = ["colon_fence"]
+myst_heading_anchors = 4
+
+html_theme = "furo"
+html_title = f"Marble {release}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sphinx = False
+html_additional_pages = {"index": "redirect.html"}
+html_theme_options = {"top_of_page_buttons": ["edit"] if REPOSITORY else []}
+if REPOSITORY:
+    html_theme_options |= {"source_repository": REPOSITORY, "source_branch": BRANCH, "source_directory": ""}
+
+toc_object_entries = False  # in the navigation of each page they would take most of a build's time
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_mock_imports = ["casadi", "coal", "cvxpy", "mujoco", "pinocchio", "pydrake", "pyomo"]
+autodoc_typehints_format = "short"
+autodoc_type_aliases = {"ArrayLike": "ArrayLike", "MatrixLike": "MatrixLike"}  # what they stand for fills lines
+python_use_unqualified_type_names = True
+add_module_names = False
+
+
+def plain(app, what, name, thing, options, lines):
+    """The package's docstrings are words with `code` in them, no markup: |x| is a norm, tls_ a prefix."""
+    for at, line in enumerate(lines):
+        lines[at] = "`".join(re.sub(r"([|*\\]|_(?!\w))", r"\\\1", part) if k % 2 == 0 else f"`{part}`"
+                             for k, part in enumerate(line.split("`")))
+
+
+def setup(app):
+    app.connect("autodoc-process-docstring", plain)

@@ -1,0 +1,71 @@
+"""Lays out the folder from which Sphinx builds the site: all pages and pictures of the repository at their own paths,
+the pictures that the code of docs/learn draws, and the pages of the reference that are made of tables and programs.
+
+Usage: stage.py FOLDER BUILD_DIR    makes FOLDER/source or brings it up to date; BUILD_DIR has the programs and marble
+"""
+
+import hashlib
+import pathlib
+import shutil
+import subprocess
+import sys
+
+import pages
+import reference
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+PARTS = ("*.md", "*.svg", "*.png", "docs/_static/*", "docs/_templates/*")
+
+
+def copy(source, target):
+    """With its time, so that Sphinx reads again only what has changed."""
+    if not target.exists() or target.stat().st_mtime != source.stat().st_mtime:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(source, target)
+
+
+def committed():
+    listing = subprocess.run(["git", "ls-files", "--cached", "--others", "--exclude-standard", *PARTS], cwd=ROOT,
+                             capture_output=True, text=True, check=True).stdout
+    return {name: ROOT / name for name in listing.splitlines() if (ROOT / name).is_file()}
+
+
+def pictures(page, folder, build):
+    """What a page's code draws, from the last run if neither page nor solver has changed since."""
+    solver = sorted(build.glob("python/marble/_core*.so"))
+    parts = [page.read_bytes(), *(str(path.stat().st_mtime).encode() for path in [*solver, pathlib.Path(pages.__file__)])]
+    run = folder / "runs" / f"{page.stem}-{hashlib.sha256(b''.join(parts)).hexdigest()[:12]}"
+    if not (run / "done").exists():
+        for old in folder.glob(f"runs/{page.stem}-*"):
+            shutil.rmtree(old)
+        run.mkdir(parents=True)
+        print(f"runs {page.relative_to(ROOT)}", flush=True)
+        if subprocess.run([sys.executable, pages.__file__, page, run, build]).returncode != 0:
+            shutil.rmtree(run)
+            sys.exit(1)
+        (run / "done").touch()
+    return {f"{page.relative_to(ROOT).parent}/{path.name}": path for path in [*run.glob("*.svg"), *run.glob("*.png")]}
+
+
+def main():
+    folder, build = (pathlib.Path(argument).resolve() for argument in sys.argv[1:])
+    source = folder / "source"
+    wanted = committed()
+    for page in sorted(ROOT.glob("docs/learn/*.md")):
+        if list(pages.blocks(page.read_text(encoding="utf-8"))):
+            wanted |= pictures(page, folder, build)
+    for name, path in wanted.items():
+        copy(path, source / name)
+    made = {source / name for name in wanted}
+    for name, text in reference.pages(build).items():
+        path = source / "docs/reference" / name
+        made.add(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+    for path in list(source.rglob("*")):
+        if path.is_file() and path not in made:
+            path.unlink()
+
+
+main()
