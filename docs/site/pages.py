@@ -32,27 +32,29 @@ def blocks(text, tab=""):
 
 
 class Shell:
+    """A bash that ends at the first command that fails, and then ends what it has started in the background."""
+
+    END = f"trap 'kill $(jobs -p) 2>/dev/null; wait; printf \"{MARK}\\n\"' EXIT\n"
+
     def __init__(self):
         self.process = subprocess.Popen(["bash", "-e"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                         stderr=subprocess.STDOUT, text=True)
+        self.process.stdin.write(self.END)
 
     def run(self, commands):
-        """What they print. A command that fails ends the shell."""
-        self.process.stdin.write(f"{commands}\nprintf '{MARK}\\n'\n")
+        """What they print."""
+        self.process.stdin.write(f"{commands}\nprintf '{MARK}{MARK}\\n'\n")
         self.process.stdin.flush()
-        lines = []
-        for line in self.process.stdout:
-            if line.endswith(MARK + "\n"):
-                return "".join([*lines, line[:-2]])
-            lines.append(line)
-        sys.exit(f"a command failed, after\n{''.join(lines)}")
+        printed = ""
+        while not printed.endswith(MARK + "\n"):
+            printed += self.process.stdout.readline() or sys.exit("the shell has ended")
+        if not printed.endswith(2 * MARK + "\n"):
+            sys.exit(f"a command failed, after\n{printed[:-2]}")
+        return printed[:-3]
 
     def end(self):
-        """Also ends what it has started in the background."""
-        if self.process.poll() is None:
-            self.run("kill $(jobs -p) 2>/dev/null && wait || true")
-            self.process.stdin.close()
-            self.process.wait()
+        self.process.stdin.close()
+        self.process.wait()
 
 
 def file_of(body):
