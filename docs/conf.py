@@ -21,6 +21,10 @@ templates_path = ["_templates"]
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 4
 
+breathe_projects = {"marble": os.environ["MARBLE_DOXYGEN"]}
+breathe_default_project = "marble"
+suppress_warnings = ["duplicate_declaration.cpp"]  # of the namespace, which every header opens
+
 html_theme = "furo"
 html_title = f"Marble {release}"
 html_static_path = ["_static"]
@@ -34,7 +38,7 @@ if REPOSITORY:
 
 toc_object_entries = False  # in the navigation of each page they would take most of a build's time
 autodoc_member_order = "bysource"
-autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_default_options = {"members": True}
 autodoc_mock_imports = ["casadi", "coal", "cvxpy", "mujoco", "pinocchio", "pydrake", "pyomo"]
 autodoc_typehints_format = "short"
 autodoc_type_aliases = {"ArrayLike": "ArrayLike", "MatrixLike": "MatrixLike"}  # what they stand for fills lines
@@ -44,6 +48,8 @@ add_module_names = False
 
 def plain(app, what, name, thing, options, lines):
     """The package's docstrings are words with `code` in them, no markup: |x| is a norm, tls_ a prefix."""
+    for at in reversed([at for at, line in enumerate(lines) if at and re.match(r"[a-z_]\w*(, \w+)*(, …)?: ", line)]):
+        lines.insert(at, "")  # a paragraph for each argument
     for at, line in enumerate(lines):
         lines[at] = "`".join(re.sub(r"([|*\\]|_(?!\w))", r"\\\1", part) if k % 2 == 0 else f"`{part}`"
                              for k, part in enumerate(line.split("`")))

@@ -72,11 +72,12 @@ def settings(build):
         variable = re.search(r" \[(MARBLE_\w+)\]$", doc)
         if variable:
             bounds, default = re.search(r"in (\[.*?\])", argument), re.search(r"=(\S+)", argument)
-            rows.append([f"`{flag[2:].replace('-', '_')}`", default[1] if default else "", bounds[1] if bounds else "",
-                         words(doc[:variable.start()])])
+            facts = [f"default {default[1]}" if default else "", f"in {bounds[1]}" if bounds else ""]
+            rows.append([f"`{flag[2:].replace('-', '_')}`", words(doc[:variable.start()]) + "".join(
+                f"<br>{words(fact)}" for fact in facts if fact)])
     return ("# Settings of the server\n\nThe setting `queue_jobs` is also the flag `--queue-jobs` and the environment variable "
             "`MARBLE_QUEUE_JOBS`. [Configuring the server](../../server/CONFIGURE.md) explains the file, the order of "
-            "precedence and how to choose limits.\n\n" + table(["setting", "default", "range", "meaning"], rows))
+            "precedence and how to choose limits.\n\n" + table(["setting", "meaning"], rows))
 
 
 def contract():
@@ -181,7 +182,7 @@ def members(name, thing):
     """Links to a class's methods and properties."""
     roles = {member: "attr" if isinstance(value, property) else "meth" for member, value in vars(thing).items()
              if not member.startswith("_") and (isinstance(value, property) or inspect.isroutine(value)) and value.__doc__}
-    return "\n".join(f"- :py:{role}:`~{name}.{member}`" for member, role in roles.items()) + "\n"
+    return ", ".join(f":py:{role}:`~{name}.{member}`" for member, role in roles.items()) + "\n"
 
 
 def python(build):
@@ -199,7 +200,7 @@ def python(build):
     pages = {f"python/{name}.rst": page(name, members(f"marble.{name}", classes[name]), f".. autoclass:: marble.{name}")
              for name in others}
     pages["python/functions.rst"] = page("Functions", *(f".. autofunction:: marble.{name}\n" for name in functions))
-    pages["python/errors.rst"] = page("Errors", *(f".. autoexception:: marble.{name}\n" for name in errors))
+    pages["python/errors.rst"] = page("Errors", *(f".. autoexception:: marble.{name}\n   :show-inheritance:\n" for name in errors))
     for name, title in MODULES.items():
         pages[f"python/marble.{name}.rst"] = page(f"{title}: marble.{name}", f".. automodule:: marble.{name}", *PYOMO.get(name, []))
     rows = [[f"[{name}]({name}.rst)", words((thing.__doc__ or "").partition("\n\n")[0])] for name, thing in classes.items()
@@ -212,5 +213,35 @@ def python(build):
     return pages
 
 
-def pages(build):
-    return {"commands.md": commands(build), "settings.md": settings(build), "http.md": http(), **contract(), **python(build)}
+def cpp(folder):
+    """A page per header of the C++ library, from doxygen's XML in `folder`, which is made where it is older than they are."""
+    values = {"PROJECT_SOURCE_DIR": str(ROOT), "CMAKE_BINARY_DIR": str(folder), "PROJECT_DESCRIPTION": "",
+              "PROJECT_VERSION": (ROOT / "deploy/VERSION").read_text(encoding="utf-8").strip()}
+    recipe = ROOT / "client/cpp/docs/Doxyfile.in"
+    text = re.sub(r"@(\w+)@", lambda found: values[found[1]], recipe.read_text(encoding="utf-8"))
+    text += f"\nOUTPUT_DIRECTORY = \"{folder}\"\nGENERATE_HTML = NO\nGENERATE_XML = YES\nXML_PROGRAMLISTING = NO\n"
+    headers = {path.name: path for place in ("core/include/marble", "core/examples/include/marble", "client/cpp/include/marble")
+               for path in sorted((ROOT / place).glob("*.h"))}
+    made = folder / "xml/index.xml"
+    read = [recipe, *headers.values(), *(path for header in headers.values() for path in header.parent.glob("*.def"))]
+    if not made.exists() or max(path.stat().st_mtime for path in read) > made.stat().st_mtime:
+        folder.mkdir(parents=True, exist_ok=True)
+        subprocess.run(["doxygen", "-"], input=text, text=True, check=True)
+    pages = {f"cpp/{name.removesuffix('.h')}.rst": f"marble/{name}\n{'=' * 50}\n\n.. doxygenfile:: {name}\n"
+             for name in headers}
+    rows = [[f"[marble/{name}]({name.removesuffix('.h')}.rst)", words(first_comment(path))] for name, path in headers.items()]
+    pages["cpp/index.md"] = (
+        "# C++\n\n[Marble for C++](../../../client/cpp/README.md) explains the library; this is the reference of its headers. "
+        "No call throws an exception.\n\n" + table(["header", "contents"], rows) + "\n"
+        + toctree(name.removesuffix(".h") for name in headers))
+    return pages
+
+
+def first_comment(path):
+    """The sentence at the top of a header."""
+    lines = re.match(r"((?://.*\n)*)", path.read_text(encoding="utf-8"))[1]
+    return re.split(r"\.(?:\s|$)|\n//\n", lines.replace("\n// ", " ").removeprefix("// "), maxsplit=1)[0] + "."
+
+
+def pages(build, folder):
+    return {**cpp(folder), "commands.md": commands(build), "settings.md": settings(build), "http.md": http(), **contract(), **python(build)}

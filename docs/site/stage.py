@@ -57,7 +57,7 @@ def main():
     for name, path in wanted.items():
         copy(path, source / name)
     made = {source / name for name in wanted}
-    for name, text in reference.pages(build).items():
+    for name, text in reference.pages(build, folder / "doxygen").items():
         path = source / "docs/reference" / name
         made.add(path)
         path.parent.mkdir(parents=True, exist_ok=True)
