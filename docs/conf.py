@@ -5,6 +5,8 @@ import pathlib
 import re
 import sys
 
+from sphinx import addnodes
+
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "docs/site"))
 REPOSITORY = os.environ.get("MARBLE_REPOSITORY", "").rstrip("/")  # where sources and "Edit this page" link to
@@ -25,6 +27,8 @@ breathe_projects = {"marble": os.environ["MARBLE_DOXYGEN"]}
 breathe_default_project = "marble"
 suppress_warnings = ["duplicate_declaration.cpp"]  # of the namespace, which every header opens
 
+smartquotes = False  # "--flag" is what it is
+
 html_theme = "furo"
 html_title = f"Marble {release}"
 html_static_path = ["_static"]
@@ -32,6 +36,9 @@ html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False
 html_additional_pages = {"index": "redirect.html"}
+html_context = {"versions": os.environ.get("MARBLE_VERSIONS", "").split()}  # in folders beside this site's own
+html_sidebars = {"**": [f"sidebar/{part}.html" for part in ("brand", "search", "scroll-start", "navigation")]
+                 + ["versions.html", "sidebar/scroll-end.html"]}
 html_theme_options = {"top_of_page_buttons": ["edit"] if REPOSITORY else []}
 if REPOSITORY:
     html_theme_options |= {"source_repository": REPOSITORY, "source_branch": BRANCH, "source_directory": ""}
@@ -55,5 +62,15 @@ def plain(app, what, name, thing, options, lines):
                              for k, part in enumerate(line.split("`")))
 
 
+def outline(app, doctree):
+    """Leaves classes and enumerations of C++ in a page's outline: all members would be in the navigation of each page."""
+    for part in doctree.findall(addnodes.desc):
+        if part.get("domain") == "cpp" and part["objtype"] not in ("class", "struct", "enum"):
+            for signature in part.findall(addnodes.desc_signature):
+                if signature.parent is part:
+                    signature["_toc_name"] = ""
+
+
 def setup(app):
     app.connect("autodoc-process-docstring", plain)
+    app.connect("doctree-read", outline, priority=100)

@@ -213,6 +213,13 @@ def python(build):
     return pages
 
 
+def c():
+    """The C header, whose comments are its reference."""
+    header = (ROOT / "client/c/include/marble.h").read_text(encoding="utf-8")
+    return ("# C\n\n[Marble for C](../../client/c/README.md) explains the interface; this is its header `marble.h`.\n\n"
+            f"```c\n{header}```\n")
+
+
 def cpp(folder):
     """A page per header of the C++ library, from doxygen's XML in `folder`, which is made where it is older than they are."""
     values = {"PROJECT_SOURCE_DIR": str(ROOT), "CMAKE_BINARY_DIR": str(folder), "PROJECT_DESCRIPTION": "",
@@ -227,6 +234,9 @@ def cpp(folder):
     if not made.exists() or max(path.stat().st_mtime for path in read) > made.stat().st_mtime:
         folder.mkdir(parents=True, exist_ok=True)
         subprocess.run(["doxygen", "-"], input=text, text=True, check=True)
+        for path in folder.glob("xml/*.xml"):
+            public = re.sub(r'<sectiondef kind="private-.*?</sectiondef>', "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+            path.write_text(public, encoding="utf-8")
     pages = {f"cpp/{name.removesuffix('.h')}.rst": f"marble/{name}\n{'=' * 50}\n\n.. doxygenfile:: {name}\n"
              for name in headers}
     rows = [[f"[marble/{name}]({name.removesuffix('.h')}.rst)", words(first_comment(path))] for name, path in headers.items()]
@@ -244,4 +254,4 @@ def first_comment(path):
 
 
 def pages(build, folder):
-    return {**cpp(folder), "commands.md": commands(build), "settings.md": settings(build), "http.md": http(), **contract(), **python(build)}
+    return {**cpp(folder), "commands.md": commands(build), "settings.md": settings(build), "http.md": http(), "c.md": c(), **contract(), **python(build)}

@@ -1,5 +1,5 @@
 """Lays out the folder from which Sphinx builds the site: all pages and pictures of the repository at their own paths,
-the pictures that the code of docs/learn draws, and the pages of the reference that are made of tables and programs.
+the pictures that the code of docs/learn and docs/gallery.md draws, and the pages of the reference that are made of tables and programs.
 
 Usage: stage.py FOLDER BUILD_DIR    makes FOLDER/source or brings it up to date; BUILD_DIR has the programs and marble
 """
@@ -51,7 +51,7 @@ def main():
     folder, build = (pathlib.Path(argument).resolve() for argument in sys.argv[1:])
     source = folder / "source"
     wanted = committed()
-    for page in sorted(ROOT.glob("docs/learn/*.md")):
+    for page in [ROOT / "docs/gallery.md", *sorted(ROOT.glob("docs/learn/*.md"))]:
         if list(pages.blocks(page.read_text(encoding="utf-8"))):
             wanted |= pictures(page, folder, build)
     for name, path in wanted.items():
