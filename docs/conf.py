@@ -62,6 +62,14 @@ def plain(app, what, name, thing, options, lines):
                              for k, part in enumerate(line.split("`")))
 
 
+def short(app, what, name, thing, options, signature, returns):
+    """Names of types without what they stand for; a default that is made is an ellipsis, as the parser knows no <factory>."""
+    def without_aliases(text):
+        array = r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[~?numpy\.\w+\]\]"
+        return re.sub(array, "ndarray", text).replace("<factory>", "...")
+    return signature and without_aliases(signature), returns and without_aliases(returns)
+
+
 def outline(app, doctree):
     """Leaves classes and enumerations of C++ in a page's outline: all members would be in the navigation of each page."""
     for part in doctree.findall(addnodes.desc):
@@ -73,4 +81,5 @@ def outline(app, doctree):
 
 def setup(app):
     app.connect("autodoc-process-docstring", plain)
+    app.connect("autodoc-process-signature", short)
     app.connect("doctree-read", outline, priority=100)
