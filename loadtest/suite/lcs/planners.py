@@ -9,7 +9,7 @@ import numpy as np
 from loop import Step
 
 import marble
-from marble.lcs import Planner
+from marble.lcs import Planner, linearize_along, linearizer
 from marble.model import problem_file
 
 _PARTS = ("g", "b", "d", "l", "r", "c0", "Q", "A", "C", "L", "R")
@@ -84,7 +84,7 @@ class Marble:
     options: dict[str, Any] = dataclasses.field(default_factory=dict)
     dump: tuple | None = None
 
-    def __call__(self, task, _, view):
+    def __call__(self, task, model, view):
         server = os.environ.get("MARBLE_SERVER") or "local"
         client = marble.Client(server) if self.dump is None else RecordingClient(server)
         if self.dump is not None:
@@ -92,20 +92,43 @@ class Marble:
         return _Planned(client, Planner(
             view.now.lcs, task.stages, Q=task.Q, R=task.R, P=task.P, regularization=task.regularization,
             u_lb=view.now.u_min, u_ub=view.now.u_max, x_ref=view.x_ref, **bounds(task, view.now), server=client,
-            **self.options), task)
+            **self.options), task, linearizer(model, view.data, dt=task.dt, **task.contacts) if task.along_plan else None)
 
 
 class _Planned:
-    def __init__(self, client, planner, task):
-        self._client, self._planner, self._task = client, planner, task
+    """linearizer: to linearize along the last plan; None: the plan is made with the linearization that it is given."""
+
+    def __init__(self, client, planner, task, linearizer):
+        self._client, self._planner, self._task, self._linearizer = client, planner, task, linearizer
+        self._along = None
+        """The next step's configurations, velocities and inputs of the last plan."""
+        self._steps = 0
 
     def step(self, view):
-        lcs = view.now.lcs
-        plan = self._planner.step(view.now.x0, lcs=lcs, x_ref=view.x_ref, **bounds(self._task, view.now))
+        lcs = view.now.lcs if self._along is None else linearize_along(self._linearizer, view.data, view.now,
+                                                                       *self._along)
+        shift = self._stages(self._steps) - self._stages(self._steps - 1) if self._linearizer else 1
+        plan = self._planner.step(view.now.x0, lcs=lcs, x_ref=view.x_ref, shift=shift if self._steps else 0,
+                                  **bounds(self._task, view.now))
+        self._steps += 1
+        if self._linearizer:
+            self._along = self._moved(view.now, plan)
         return Step(plan.u[0], plan.times.solve_s, plan.status is not marble.Status.SOLVED or not plan.feasible,
                     complementarity(lcs, plan.x[:-1], plan.u, plan.lam),
                     (plan.objective - plan.start_objective) / max(1.0, abs(plan.start_objective)),
                     None if plan.solution is None else plan.solution.factorizations)
+
+    def _stages(self, steps):
+        """Stages that have ended after so many steps."""
+        return int(max(steps, 0) / self._task.rate / self._task.dt + 1e-6)
+
+    def _moved(self, now, plan):
+        count = len(plan.u)
+        at = np.arange(count) + 1 / self._task.rate / self._task.dt
+        k = np.minimum(at.astype(int), count - 1)
+        x = plan.x[k] + (at - k)[:, None] * (plan.x[k + 1] - plan.x[k])
+        q, v = zip(*map(now.configuration, x), strict=True)
+        return np.array(q), np.array(v), plan.u[k]
 
     def close(self):
         self._planner.close()
@@ -126,4 +149,5 @@ def complementarity(lcs, x, u, lam):
     """The largest |min(λ, E x + F λ + H u + c)| of a plan of stages with x, u, λ as rows."""
     if lam.size == 0:
         return 0.0
-    return float(np.abs(np.minimum(lam, x @ lcs.E.T + lam @ lcs.F.T + u @ lcs.H.T + lcs.c)).max())
+    parts = ((lcs.E, x), (lcs.F, lam), (lcs.H, u))
+    return float(np.abs(np.minimum(lam, sum((M @ v[:, :, None])[:, :, 0] for M, v in parts) + lcs.c)).max())

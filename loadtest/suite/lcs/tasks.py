@@ -7,6 +7,7 @@ from typing import Any
 
 import mujoco as mj
 import numpy as np
+from hops import Gait, Hops
 
 MODELS = pathlib.Path(__file__).resolve().parent / "models"
 
@@ -30,7 +31,8 @@ class Task:
 
     contacts: options of marble.lcs.linearizer. scenario(model, random): random is None for the nominal one.
     target(scenario, data, time): configuration and velocity wanted at that time. done(scenario, data) at the end;
-    failed(scenario, data) ends a run.
+    failed(scenario, data) ends a run. along_plan: Marble linearizes at each stage's state of its last plan; the others,
+    which have no plan that they could follow, at the present state.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Task:
     failed: Callable[..., bool]
     regularization: float = 1e-6
     rate: int = 50
+    along_plan: bool = False
 
     def load(self):
         """Its MjModel."""
@@ -149,27 +152,53 @@ def pivot(contact):
         lambda _, data: np.abs(data.qpos[:3]).max() > 2.5)
 
 
-def hopper(name, contact="anitescu", speed=0.0, push=0.0, seconds=3.0, limits="bounds"):
+def hopper_start(random):
+    """Configuration and velocity, of which the nominal ones have straight legs."""
+    q = np.array([0, 1.25, 0, 0, 0, 0]) + spread(random, 6, 1.0) * [0, 0, 0.05, 0.1, 0.1, 0.1]
+    q[1] += spread(random, 1, 0.02)[0]
+    return q
+
+
+def hopper_fell(_, data):
+    return data.qpos[1] < 0.5 or abs(data.qpos[2]) > 1.2
+
+
+def hopper(name, contact="anitescu", push=0.0, limits="bounds"):
     """limits: joint_limits of marble.lcs.linearizer; as bounds they are Marble's alone: C3 and C3+ plan without them."""
 
     def scenario(_, random):
-        q = np.array([0, 1.25, 0, 0, 0, 0]) + spread(random, 6, 1.0) * [0, 0, 0.05, 0.1, 0.1, 0.1]
-        q[1] += spread(random, 1, 0.02)[0]
+        q = hopper_start(random)
         side = 1.0 if random is None else random.choice([-1.0, 1.0])
         force = side * push * (1 + spread(random, 1, 0.2)[0])
         return Scenario(q, spread(random, 6, 0.1), pushes=((1.0, 1.1, "torso", (force, 0, 0)),) if push else ())
 
-    def target(_, __, time):
-        return np.array([speed * time, 1.2, 0, -0.3, -0.6, 0.3]), np.array([speed, 0, 0, 0, 0, 0])
-
+    rest = np.array([0, 1.2, 0, -0.3, -0.6, 0.3]), np.zeros(6)
     Q = np.diag([1, 50, 20, 0.2, 0.2, 0.5, 5, 0.5, 0.5, 0.02, 0.02, 0.02])
     return Task(
-        name, "hopper", seconds, 0.03, 15,
+        name, "hopper", 3.0, 0.03, 15,
         {"contact": contact, "num_directions": 2, "pairs": [("floor", "foot")], "joint_limits": limits},
-        Q, 5 * Q, 0.02 * np.eye(3), scenario, target,
-        lambda _, data: abs(data.qpos[0] - speed * data.time) < max(0.5, 0.2 * speed * data.time)
-        and data.qpos[1] > 0.7 and abs(data.qpos[2]) < 0.5,
-        lambda _, data: data.qpos[1] < 0.5 or abs(data.qpos[2]) > 1.2)
+        Q, 5 * Q, 0.02 * np.eye(3), scenario, lambda *_: rest,
+        lambda _, data: abs(data.qpos[0]) < 0.5 and data.qpos[1] > 0.7 and abs(data.qpos[2]) < 0.5, hopper_fell)
+
+
+def hops(name, gait, seconds=10.0):
+    """The hopper goes forward; its mean speed is at least 0.9 of the gait's, and its height and pitch stay those of a
+    hopper that stands."""
+    hopping = Hops(mj.MjModel.from_xml_path(str(MODELS / "hopper.xml")), gait)
+
+    def scenario(_, random):
+        q, v = hopper_start(random), spread(random, 6, 0.1)
+        mass, friction = 1 + spread(random, 2, 0.2)
+        return Scenario(q, v, mass=mass, friction=friction)
+
+    Q = hopping.cost([20, 200, 300, 300, 5, 20], [1, 2, 0.2, 0.2, 0.05, 0.2], 0.1)
+    return Task(
+        name, "hopper", seconds, 0.03, 18,
+        {"num_directions": 2, "pairs": [("floor", "foot")], "joint_limits": "bounds", "stiffness": 333e3},
+        Q, 3 * Q + hopping.capture_cost(200.0), 0.5 * np.eye(3), scenario,
+        lambda _, data, time: hopping.target(data, time),
+        lambda _, data: data.qpos[0] >= 0.9 * gait.speed * data.time and data.qpos[1] > 0.7 and abs(data.qpos[2]) < 0.7,
+        hopper_fell, along_plan=True)
 
 
 def quadruped(name, push, drop=0.0, seconds=3.0):
@@ -203,5 +232,5 @@ TASKS = {task.name: task for task in [
     push_t("anitescu"), push_t("stewart_trinkle"), pivot("anitescu"), pivot("stewart_trinkle"),
     hopper("hopper_stand"), hopper("hopper_stand_st", "stewart_trinkle"), hopper("hopper_limits", limits="pairs"),
     hopper("hopper_push", push=40.0),
-    hopper("hopper_walk", speed=0.3, seconds=10.0), hopper("hopper_run", speed=1.0, seconds=10.0),
+    hops("hopper_walk", Gait(0.3)),
     quadruped("quadruped_push", 10.0, drop=0.02), quadruped("quadruped_shove", 20.0, drop=0.02)]}

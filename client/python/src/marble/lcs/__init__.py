@@ -3,6 +3,7 @@
     x₊ = A x + B u + D λ + d,   0 ≤ λ ⊥ E x + F λ + H u + c ≥ 0
 """
 
+from marble.lcs.along_plan import linearize_along
 from marble.lcs.c3 import C3Options, c3_options
 from marble.lcs.controller import Controller, ControlStep, StateLinearizer
 from marble.lcs.dispatch import linearize, linearizer
@@ -13,5 +14,5 @@ from marble.lcs.system import LCS
 from marble.lcs.task import Task
 
 __all__ = ["C3Options", "ContactPair", "ControlStatistics", "ControlStep", "Controller", "LCS", "Linearization", "Plan",
-           "PlanOrigin", "PlanTimes", "Planner", "StateLinearizer", "Task", "c3_options", "linearize", "linearizer",
-           "rollout"]
+           "PlanOrigin", "PlanTimes", "Planner", "StateLinearizer", "Task", "c3_options", "linearize", "linearize_along",
+           "linearizer", "rollout"]

@@ -20,12 +20,13 @@ from numpy.typing import ArrayLike
 import marble
 from marble.base.checks import is_number
 from marble.errors import FailedPrecondition, InvalidArgument
+from marble.lcs.along_plan import linearize_along
 from marble.lcs.dispatch import linearizer
 from marble.lcs.guarded import GuardedPlanner
 from marble.lcs.linearization import Linearization
 from marble.lcs.planner import Plan, Planner, PlanOrigin
 from marble.lcs.statistics import ControlStatistics
-from marble.lcs.system import Array
+from marble.lcs.system import LCS, Array
 from marble.lcs.task import Task
 
 _SAME_TIME: Final = 1e-6
@@ -86,6 +87,16 @@ class _Trajectory:
         made: Array = self.x[k] + (at - k) * (self.x[k + 1] - self.x[k])
         return made
 
+    def after(self, stages: float) -> tuple[Array, Array]:
+        """Configurations (N, nq) and velocities (N, nv) at the beginning of N stages, that many stages later; beyond
+        the end as the last stage goes on."""
+        count = len(self.u)
+        at = stages + np.arange(count)
+        k = np.minimum(at.astype(int), count - 1)
+        x = self.x[k] + (at - k)[:, None] * (self.x[k + 1] - self.x[k])
+        q, v = zip(*map(self.base.configuration, x), strict=True)
+        return np.array(q), np.array(v)
+
 
 class Controller:
     """Controls a robot through its contacts: each step linearizes the model and plans, over one session.
@@ -115,8 +126,8 @@ class Controller:
         self._options = {**(options or {}), **more_options}
         self._linearize: StateLinearizer | None = None
         self._plans: GuardedPlanner | None = None
-        self._ahead: Linearization | None = None
-        """Of the next step, after prepare."""
+        self._ahead: tuple[Linearization, LCS] | None = None
+        """Of the next step, after prepare: the linearization where it begins, and the system of its stages."""
         self._current: _Trajectory | None = None
         self._applied: Array | None = None
         self._bounds: tuple[Array, Array] = (np.array(-np.inf), np.array(np.inf))
@@ -141,10 +152,10 @@ class Controller:
         else:
             shift = self._shift()
             is_prepared = self._ahead is not None
-            now, x0 = self._measured(state)
+            now, lcs, x0 = self._measured(state, shift)
             linearized = time.perf_counter()
             x_ref = None if is_prepared else self.task.x_ref(now, self.time_s)
-            plan, error = self._guarded().step(now.lcs, x0, x_ref, self._applied,
+            plan, error = self._guarded().step(lcs, x0, x_ref, self._applied,
                                                self._bounded(self._current.moved(shift).u), shift,
                                                self.task.deadline_s - (time.perf_counter() - begin),
                                                self.task.step_bounds(now, x0))
@@ -166,9 +177,10 @@ class Controller:
         current = self._current
         q, v = current.base.configuration(current.state(self.task.period_s / self.task.dt))
         ahead = self._linearize.at(state, q, v, self._applied)
-        if self._guarded().prepare(ahead.lcs, self.task.x_ref(ahead, self.time_s), self._shift(),
+        lcs = self._system(state, ahead, self._shift())
+        if self._guarded().prepare(lcs, self.task.x_ref(ahead, self.time_s), self._shift(),
                                    self.task.step_bounds(ahead, ahead.x0)):
-            self._ahead = ahead
+            self._ahead = ahead, lcs
 
     def input(self, state: Any, elapsed: float) -> Array:
         """The inputs (nu,) between two steps, `elapsed` ≥ 0 seconds after the last one.
@@ -272,15 +284,23 @@ class Controller:
 
         return min(ended(self._steps) - ended(self._steps - 1), int(self.task.stages))
 
-    def _measured(self, state: Any) -> tuple[Linearization, Array]:
+    def _measured(self, state: Any, shift: int) -> tuple[Linearization, LCS, Array]:
         assert self._linearize is not None
         if self._ahead is None:
             now = self._linearize(state, self._applied)
-            return now, now.x0
-        now = self._ahead
+            return now, self._system(state, now, shift), now.x0
+        now, lcs = self._ahead
         x0 = now.state(*self._linearize.measure(state))
         self._ahead = None
-        return now, x0
+        return now, lcs, x0
+
+    def _system(self, state: Any, now: Linearization, shift: int) -> LCS:
+        """The system to plan with: that of `now`, or of a task that wants it so, the one along the last plan."""
+        if self.task.linearize_along == "state":
+            return now.lcs
+        assert self._linearize is not None and self._current is not None
+        q, v = self._current.after(self.task.period_s / self.task.dt)
+        return linearize_along(self._linearize, state, now, q, v, self._current.moved(shift).u)
 
     def _finish(self, plan: Plan, now: Linearization, error: str, shift: int, begin: float,
                 linearize_s: float) -> ControlStep:

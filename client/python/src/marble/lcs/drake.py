@@ -253,7 +253,8 @@ def linearize(plant: Any, context: Any, *, u: ArrayLike | None = None, **options
     dt: h, seconds of a stage; plant.time_step() without it. contact: "anitescu" (one pair per direction),
     "stewart_trinkle" (2 more per contact) or "soft" (one spring each). num_directions: directions of friction, even; 2
     for planar models. friction: coefficients instead of the shapes' coefficients of dynamic friction, as Drake combines
-    them, one for all contacts or one each. stiffness: N/m, of the springs of "soft".
+    them, one for all contacts or one each. stiffness: N/m, > 0, of the springs of "soft", or of the other
+    models if they shall give way.
 
     pairs: the contacts, as (shape, shape) or (shape, shape, feature), shapes by name or GeometryId. Without it all
     features of all candidates of collision whose gap is at most max_gap, in m. The context must be part of a diagram's

@@ -327,7 +327,8 @@ def linearize(model: Any, data: Any, *, u: ArrayLike | None = None, **options: A
     dt: h, seconds of a stage; model.opt.timestep without it. contact: "anitescu" (one pair per direction),
     "stewart_trinkle" (2 more per contact) or "soft" (one spring each). num_directions: directions of friction, even; 2
     for planar models. friction: coefficients instead of the geoms', one for all contacts or one each; only sliding
-    friction is modelled. stiffness: N/m, of the springs of "soft".
+    friction is modelled. stiffness: N/m, > 0, of the springs of "soft"; None in the other models: contacts do not give
+    way. With a stiffness, such as 3e5, their forces are unique, and plans with flat feet take less to solve.
 
     pairs: the contacts, as (geom, geom) or (geom, geom, feature), geoms by name or id. Without it all features of all
     geoms that MuJoCo may let collide and whose gap in data is at most max_gap, in m. joint_limits: True or "pairs"

@@ -193,7 +193,8 @@ def linearize(model: Any, state: Any, *, u: ArrayLike | None = None, **options: 
 
     contact: "anitescu" (one pair per direction), "stewart_trinkle" (2 more per contact) or "soft" (one spring each).
     num_directions: directions of friction, even; 2 for planar models. friction: coefficients, one for all contacts or
-    one each; required unless "soft". stiffness: N/m, of the springs of "soft".
+    one each; required unless "soft". stiffness: N/m, > 0, of the springs of "soft", or of the other
+    models if they shall give way.
 
     pairs: the contacts, as (object, object) or (object, object, feature), objects by name or index. Without it all
     features of all collisionPairs whose gap is at most max_gap, in m. joint_limits: adds the limits of joints with one

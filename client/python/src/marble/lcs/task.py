@@ -43,6 +43,10 @@ class Task:
     deadline: seconds from the measurement, > 0; the solve is stopped before it, in time for its result. None: the
     period, 1 / rate; inf: never, as where a simulation waits. A step that takes longer than the deadline or the period
     is late.
+    linearize_along: "state": one system for all stages, linearized at the present state. "plan": a system per stage,
+    each linearized at that stage's state of the last plan, moved on, as of marble.lcs.linearize_along: for motions that
+    leave one linearization within the horizon, such as hops. It takes as many linearizations a step as there are stages;
+    the first step, which has no plan yet, is as with "state".
     kp, kd: gains of the feedback between plans, ≥ 0, one number or (nv,): N/m or N m/rad, and those by the velocity in
     N s/m or N m s/rad; see Controller.input. 0: none.
 
@@ -67,6 +71,7 @@ class Task:
     contacts: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     shift: int | None = None
     deadline: float | None = None
+    linearize_along: str = "state"
     kp: ArrayLike = 0.0
     kd: ArrayLike = 0.0
 
@@ -81,6 +86,8 @@ class Task:
             raise InvalidArgument("deadline", "must be > 0 seconds", value=self.deadline)
         if not isinstance(self.contacts, Mapping):
             raise InvalidArgument("contacts", "must be a mapping of options", value=type(self.contacts).__name__)
+        if self.linearize_along not in ("state", "plan"):
+            raise InvalidArgument("linearize_along", 'must be "state" or "plan"', value=repr(self.linearize_along)[:100])
         for name in _OF_TASK:
             if name in self.contacts:
                 raise InvalidArgument("contacts", "must not have dt, which the task has, nor u", value=repr(name))

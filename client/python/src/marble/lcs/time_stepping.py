@@ -15,6 +15,8 @@ q̄. The contacts of a gap φ with the normal row Jn, tangential rows Jt and a f
 - "soft": a spring of stiffness k without friction,
       0 ≤ λ ⊥ φ/h + Jn δq₊/h + λ/(k h) ≥ 0.
 
+In the rigid models a finite stiffness k adds λj/(k h) and λn/(k h) to the rows of the gap. Bodies then sink in a little
+and creep where they stick, and multipliers are unique, also of a foot that rests on two points of a plane.
 A contact without friction has one row, 0 ≤ λ ⊥ φ/h + Jn δq₊/h ≥ 0, in both of the rigid models; so have joint limits.
 In the rigid models φ is at least 0: otherwise a step had to undo all penetration, at the speed φ/h.
 The directions are the edges of a pyramid within the friction cone. Anitescu's model lets sliding bodies rise until the
@@ -106,7 +108,7 @@ def multipliers(tangents: int, contact: str, soft: bool) -> tuple[str, ...]:
 def matrices(smooth: SmoothDynamics, contacts: Sequence[Contact], dt: float, contact: str,
              stiffness: float) -> dict[str, Array]:
     """A, B, D, d, E, F, H and c of the LCS, as the module describes it. dt: h in s. contact: one of CONTACT_MODELS.
-    stiffness: k in N/m, of soft contacts.
+    stiffness: k in N/m, inf of rigid contacts.
     """
     nv = smooth.v.size
     inverse = np.linalg.inv(smooth.mass + dt * smooth.damping)
@@ -125,14 +127,15 @@ def matrices(smooth: SmoothDynamics, contacts: Sequence[Contact], dt: float, con
         offset = (one.gap if is_spring else max(one.gap, 0.0)) / dt
         if k == 0 or is_spring:
             rows.append((one.normal, one.normal, none, offset))
-            if is_spring:
+            if one.soft:
                 own.append((at, at, 1 / (stiffness * dt)))
         elif contact == "anitescu":
             rows += [(one.normal + one.friction * t, one.normal, one.friction * t, offset) for t in one.tangents]
+            own.extend((at + j, at + j, 1 / (stiffness * dt)) for j in range(k))
         else:
             rows += [(none, none, none, 0.0), (one.normal, one.normal, none, offset),
                      *((t, none, t, 0.0) for t in one.tangents)]
-            own.append((at, at + 1, one.friction))
+            own += [(at, at + 1, one.friction), (at + 1, at + 1, 1 / (stiffness * dt))]
             own.extend(entry for j in range(k) for entry in ((at, at + 2 + j, -1.0), (at + 2 + j, at, 1.0)))
     nl = len(rows)
     G, of_q, of_v = (np.array([row[part] for row in rows]).reshape(nl, nv) for part in range(3))
