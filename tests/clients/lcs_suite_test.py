@@ -2,6 +2,7 @@
 called."""
 
 import csv
+import dataclasses
 import itertools
 import json
 import os
@@ -15,7 +16,8 @@ import mujoco
 import numpy as np
 
 import marble
-from marble.lcs import LCS, linearizer
+from marble.lcs import LCS, Controller, linearizer
+from marble.lcs.simulation import simulate
 from marble.model import problem_file
 
 SUITE = pathlib.Path(__file__).resolve().parents[2] / "loadtest/suite/lcs"
@@ -25,6 +27,7 @@ import consensus  # noqa: E402
 import controllers  # noqa: E402
 import ilqr  # noqa: E402
 import loop  # noqa: E402
+from hops import Gait, Hops  # noqa: E402
 from tasks import TASKS  # noqa: E402
 
 
@@ -96,6 +99,91 @@ class TwoFingers(unittest.TestCase):
                                  {"none": False, "marble": True})
                 self.assertEqual(sum(step.unsolved for step in runs["marble"].steps), 0)
                 self.assertLess(runs["marble"].cost, runs["none"].cost)
+
+
+class Hopping(unittest.TestCase):
+    """The hopper that goes forward."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.model = TASKS["hopper_walk"].load()
+        cls.gait = Gait(0.3)
+        cls.hops = Hops(cls.model, cls.gait)
+
+    def outputs(self, q):
+        """Place of the centre of mass (x, z) and of the foot (x, z), and the foot's pitch."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = q
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_comPos(self.model, data)
+        foot = self.model.geom("foot").id
+        return np.array([*data.subtree_com[0][[0, 2]], *data.geom_xpos[foot][[0, 2]], q[2] - q[3:].sum()])
+
+    def follows(self, time):
+        """A simulation that is where the targets are without shifts."""
+        data = mujoco.MjData(self.model)
+        data.time = time
+        data.qpos[:], data.qvel[:] = self.hops._nominal(time)
+        return data
+
+    def test_the_foot_rests_in_a_stance_and_is_a_step_further_in_the_next_one(self):
+        gait = self.gait
+        first = gait.pause + 2 * gait.period
+        data = self.follows(first)
+        for hop in range(3):
+            middle = first + hop * gait.period
+            made = [self.outputs(self.hops.target(data, middle + part)[0])
+                    for part in (0.0, 0.04, gait.period / 2, gait.period - 0.04)]
+            feet = np.array([one[2:] for one in made])
+            np.testing.assert_allclose(feet[:2, 0], (2 + hop) * gait.speed * gait.period, atol=2e-3)
+            np.testing.assert_allclose(feet[3, 0], (3 + hop) * gait.speed * gait.period, atol=2e-3)
+            np.testing.assert_allclose(feet[[0, 1, 3], 1], 0.06, atol=1e-3)
+            self.assertGreater(feet[2, 1], 0.06 + 0.9 * gait.clearance)
+            np.testing.assert_allclose(feet[:, 2], 0, atol=1e-2)
+            self.assertGreater(made[2][1], made[0][1] + 0.02)  # it falls freely from above
+
+    def test_a_step_is_placed_further_if_the_hopper_is_too_fast_but_not_that_under_way(self):
+        now = self.gait.pause + 2 * self.gait.period
+        steps = {}
+        for faster in (0.0, 0.1, 0.6, 9.0):
+            data = self.follows(now)
+            data.qvel[0] += faster
+            steps[faster] = [self.hops.jacobian[2] @ self.hops.target(data, now + later)[0]  # the foot, as linear
+                             for later in (0.0, self.gait.period)]
+        here, there = np.array(list(steps.values())).T
+        np.testing.assert_allclose(here, here[0], atol=2e-3)
+        shifts = there - there[0]
+        self.assertAlmostEqual(shifts[1], 0, delta=2e-3)  # 0.1 m/s is tolerated
+        self.assertTrue(0.05 < shifts[2] < shifts[3] <= self.gait.reach + 1e-3)
+
+    def test_what_the_hopper_cannot_reach_is_an_error(self):
+        with self.assertRaisesRegex(ValueError, "the hopper cannot reach"):
+            Hops(self.model, Gait(3.0))
+
+    def test_it_hops_forward_along_its_plans_and_falls_without_control(self):
+        task = TASKS["hopper_walk"].lasting(2.4)
+        task = dataclasses.replace(task, done=lambda _, data: data.qpos[0] > 0.3 and abs(data.qpos[2]) < 0.7)
+        runs = {name: loop.run(task, 2, name, controllers.controller(name, task)) for name in ("none", "marble")}
+        self.assertEqual({name: run.done for name, run in runs.items()}, {"none": False, "marble": True})
+        steps = runs["marble"].steps
+        self.assertEqual((len(steps), sum(step.unsolved for step in steps)), (120, 0))
+        self.assertLess(max(step.complementarity for step in steps), 1e-9)
+        self.assertLessEqual(np.median([step.factorizations for step in steps]), 20)
+
+    def test_a_controller_hops_too(self):
+        task = TASKS["hopper_walk"]
+        model, data = task.load(), mujoco.MjData(task.load())
+        scenario = task.of_seed(0)
+        feet = []
+        with Controller(model, loop.as_controlled(task, scenario, data, np.inf), state=data,
+                        server="local") as controller:
+            simulate(controller, model, data, 1.6, on_step=lambda _: feet.append(
+                data.geom_xpos[model.geom("foot").id].copy()), prepare=True)
+        self.assertGreater(data.qpos[1], 0.9)
+        feet = np.array(feet)
+        self.assertGreater(feet[-1, 0], feet[20, 0] + 0.1)
+        self.assertGreater(feet[30:, 2].max(), 0.075)  # it leaves the floor
+        self.assertEqual((controller.statistics.infeasible, controller.statistics.errors), (0, 0))
 
 
 class SharedServer(unittest.TestCase):

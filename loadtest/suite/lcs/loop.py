@@ -8,6 +8,7 @@ from typing import Any
 import mujoco as mj
 import numpy as np
 
+import marble.lcs
 from marble.lcs import linearizer
 
 
@@ -52,6 +53,18 @@ def targets(task, scenario, now, data):
     return np.array([now.state(*task.target(scenario, data, data.time + k * task.dt)) for k in range(task.stages + 1)])
 
 
+def as_controlled(task, scenario, data, deadline):
+    """The task as marble.lcs.Controller has it, with targets for the state of data."""
+    def target(_, __):
+        rows = [task.target(scenario, data, data.time + k * task.dt) for k in range(task.stages + 1)]
+        return np.array([q for q, _ in rows]), np.array([v for _, v in rows])
+
+    return marble.lcs.Task(
+        rate=task.rate, stages=task.stages, dt=task.dt, Q=task.Q, R=task.R, P=task.P, target=target, deadline=deadline,
+        regularization=task.regularization, contacts=task.contacts, shift=None if task.along_plan else 1,
+        linearize_along="plan" if task.along_plan else "state")
+
+
 def pairs(task):
     """Pairs of a stage of its plans."""
     model, scenario = task.load(), task.of_seed(0)
@@ -78,9 +91,9 @@ def push(model, data, scenario):
             data.xfrc_applied[model.body(body).id, :3] += force
 
 
-def run(task, seed, name, controller):
+def run(task, seed, name, controller, recorder=None):
     """controller(task, model, view) -> an object with step(view), and close(). If the task fails, the remaining time
-    costs what the last step did."""
+    costs what the last step did. recorder: a marble.lcs.simulation.Recorder."""
     model, scenario = task.load(), task.of_seed(seed)
     plant = simulated(model, scenario)
     data = mj.MjData(plant)
@@ -105,6 +118,8 @@ def run(task, seed, name, controller):
             cost += price
             data.ctrl[:] = step.u
             for _ in range(substeps):
+                if recorder is not None:
+                    recorder.capture(data)
                 push(plant, data, scenario)
                 mj.mj_step(plant, data)
             if task.failed(scenario, data):

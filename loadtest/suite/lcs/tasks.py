@@ -233,4 +233,5 @@ TASKS = {task.name: task for task in [
     hopper("hopper_stand"), hopper("hopper_stand_st", "stewart_trinkle"), hopper("hopper_limits", limits="pairs"),
     hopper("hopper_push", push=40.0),
     hops("hopper_walk", Gait(0.3)),
+    hops("hopper_run", Gait(1.0, period=0.24, flight=0.15, clearance=0.03, posture=(-0.5, -0.3, 0.7))),
     quadruped("quadruped_push", 10.0, drop=0.02), quadruped("quadruped_shove", 20.0, drop=0.02)]}
