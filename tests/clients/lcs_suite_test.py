@@ -142,6 +142,16 @@ class Hopping(unittest.TestCase):
             np.testing.assert_allclose(feet[:, 2], 0, atol=1e-2)
             self.assertGreater(made[2][1], made[0][1] + 0.02)  # it falls freely from above
 
+    def test_the_first_hops_are_shorter_if_speed_grows_over_them(self):
+        hops = Hops(self.model, Gait(0.3, ramp=3))
+        feet = []
+        for hop in range(6):
+            data = mujoco.MjData(self.model)
+            data.time = self.gait.pause + hop * self.gait.period + 1e-6
+            data.qpos[:], data.qvel[:] = hops._nominal(data.time)
+            feet.append(self.outputs(hops.target(data, data.time)[0])[2])
+        np.testing.assert_allclose(np.diff(feet), 0.09 * np.array([0.25, 0.5, 0.75, 1, 1]), atol=2e-3)
+
     def test_a_step_is_placed_further_if_the_hopper_is_too_fast_but_not_that_under_way(self):
         now = self.gait.pause + 2 * self.gait.period
         steps = {}

@@ -263,9 +263,9 @@ def step(random):
                 else:
                     one.step(**wrong)
             plan = one.step(**arguments)
-            feasible += check_plan(plan, now, x0, {**task, "x_ref": np.array(arguments["x_ref"], dtype=float),
-                                                   "u_ref": np.array(arguments["u_ref"], dtype=float),
-                                                   **{name: arguments[name] for name in ("u_lb", "u_ub", "x_ub")}}, last)
+            targets = {name: np.array(arguments[name], dtype=float) for name in ("x_ref", "u_ref")}
+            bounds = {name: arguments[name] for name in ("u_lb", "u_ub", "x_ub")}
+            feasible += check_plan(plan, now, x0, {**task, **targets, **bounds}, last)
     must_refuse(lambda: one.step(np.zeros(made.nx)))
     return feasible
 

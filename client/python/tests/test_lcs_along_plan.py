@@ -1,10 +1,10 @@
-"""Systems linearized along a plan, in their own and in other configurations' coordinates, and controllers that use them."""
+"""Systems linearized along a plan, also of configurations with rotations, and controllers that use them."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_lcs_controller import H, START, CartPole, closed_loop, task
+from test_lcs_controller import START, CartPole, H, closed_loop, task
 
 from marble.errors import InvalidArgument
 from marble.lcs import LCS, Controller, Linearization, Planner, Task, linearize_along, rotation
@@ -130,8 +130,11 @@ def test_bad_plans_are_named():
         with pytest.raises(InvalidArgument, match=words):
             linearize_along(model, None, now, **{**good, field: value})
     for wrong in ("path", None, ["plan"]):
-        with pytest.raises(InvalidArgument, match='linearize_along.*must be "state" or "plan"'):
+        with pytest.raises(InvalidArgument, match=r'linearize_along.*must be "state" or "plan"'):
             task(linearize_along=wrong)
+    for wrong, along, most in ((0, "plan", 100), (101, "plan", 100), (2, "state", 1), (1.5, "plan", 100)):
+        with pytest.raises(InvalidArgument, match=rf"linearizations is {wrong}: must be in \[1, {most}\]"):
+            task(linearize_along=along, linearizations=wrong)
 
 
 @pytest.mark.parametrize("prepares", [False, True])
@@ -150,21 +153,22 @@ def test_along_the_plan_a_model_that_is_linear_has_the_same_inputs(prepares):
 
 def test_repeated_steps_along_the_plan_end_in_a_plan_of_the_nonlinear_model():
     worst = {}
-    for along in ("state", "plan"):
+    for along, repeated, steps in (("state", 1, 15), ("plan", 1, 15), ("plan", 14, 2)):
         made = Task(rate=1e6, dt=DT, stages=12, Q=np.diag([20.0, 1]), R=[[0.01]], target=([1.5], [0]), shift=0,
-                    deadline=np.inf, linearize_along=along)
+                    deadline=np.inf, linearize_along=along, linearizations=repeated)
         state = np.array([-0.5]), np.array([3.0])
         with Controller(Pendulum(), made, state=state, server="local") as controller:
-            for _ in range(15):
+            for _ in range(steps):
                 plan = controller.step(state).plan
+            assert controller.statistics.steps == steps
         x = np.concatenate(state)
         errors = []
         for k in range(12):
             x = Pendulum.step(x, plan.u[k, 0], plan.lam[k, 0])
             errors.append(np.abs(x - plan.x[k + 1] - [state[0][0], 0]).max())
         assert plan.lam.max() > 0  # it reaches the wall
-        worst[along] = max(errors)
-    assert worst["plan"] < 1e-4 < 0.1 < worst["state"]
+        worst[along, repeated] = max(errors)
+    assert worst["plan", 1] < 1e-4 and worst["plan", 14] < 1e-4 and worst["state", 1] > 0.1
 
 
 def test_a_finite_stiffness_lets_rigid_contacts_give_way():

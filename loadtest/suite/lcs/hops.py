@@ -19,7 +19,7 @@ GRAVITY = 9.81
 class Gait:
     """speed: m/s. period, flight: s, of a hop and of its flight. clearance: m, of the foot in flight. pause: s at rest
     before the first hop. offset: m, of the centre of mass before the foot's middle. posture: pitch of torso, thigh and
-    shank at rest, rad; the foot is level. tolerance: m, errors for which steps are not shifted; reach: m, largest shift."""
+    shank at rest, rad; the foot is level. tolerance: m, errors for which steps are not shifted; reach: m, largest shift. ramp: hops, ever longer, before those at full speed."""
 
     speed: float
     period: float = 0.3
@@ -30,6 +30,7 @@ class Gait:
     posture: tuple = (-0.4, -0.2, 0.5)
     tolerance: float = 0.05
     reach: float = 0.3
+    ramp: int = 0
     samples: int = 30
 
 
@@ -51,10 +52,7 @@ class Hops:
         self.rest = self._configuration(q, at_rest)
         self._place(self.rest)
         self.jacobian = self._jacobian()
-        made = [self.rest]
-        for k in range(gait.samples + 1):
-            made.append(self._configuration(made[-1], self._outputs(k * gait.period / gait.samples)))
-        self._table = np.array(made[1:])
+        self._on_the_spot, self._table = self._hop(0.0), self._hop(gait.speed)
 
     def cost(self, position, velocity, joints):
         """A cost (12, 12) of the outputs' positions and velocities, as linear at rest, and a small one of each joint."""
@@ -124,27 +122,37 @@ class Hops:
         hop, phase = divmod(since / self.gait.period, 1)
         at = phase * self.gait.samples
         k = min(int(at), self.gait.samples - 1)
-        q = self._table[k] + (at - k) * (self._table[k + 1] - self._table[k])
-        q[0] += hop * self.gait.speed * self.gait.period
+        part, before = min(1.0, (hop + 1) / (self.gait.ramp + 1)), min(hop, self.gait.ramp)
+        table = part * self._table[k:k + 2] + (1 - part) * self._on_the_spot[k:k + 2]
+        q = table[0] + (at - k) * (table[1] - table[0])
+        way = before * (before + 1) / (2 * (self.gait.ramp + 1)) + hop - before  # in hops at full speed
+        q[0] += way * self.gait.speed * self.gait.period
         return self.rest + min(1.0, since / 0.2) * (q - self.rest)
 
-    def _outputs(self, phase):
+    def _hop(self, speed):
+        """Configurations of a hop from one middle of a stance to the next one."""
+        made = [self.rest]
+        for k in range(self.gait.samples + 1):
+            made.append(self._configuration(made[-1], self._outputs(k * self.gait.period / self.gait.samples, speed)))
+        return np.array(made[1:])
+
+    def _outputs(self, phase, speed):
         """At a time in [0, period] since the middle of a stance."""
         gait = self.gait
-        half, way = (gait.period - gait.flight) / 2, gait.speed * gait.period
-        speed = GRAVITY * gait.flight / 2  # of lift-off, upwards
-        push = speed / half
-        low = self._height - speed * half / 2
+        half, way = (gait.period - gait.flight) / 2, speed * gait.period
+        upwards = GRAVITY * gait.flight / 2  # at lift-off
+        push = upwards / half
+        low = self._height - upwards * half / 2
         if half < phase < half + gait.flight:
             since = phase - half
-            z = self._height + speed * since - GRAVITY * since**2 / 2
+            z = self._height + upwards * since - GRAVITY * since**2 / 2
             part = since / gait.flight
             foot = way * part**2 * (3 - 2 * part), self._radius + gait.clearance * np.sin(np.pi * part) ** 2
         else:
             to_middle = min(phase, gait.period - phase)
             z = low + push * to_middle**2 / 2
             foot = 0.0 if phase <= half else way, self._radius
-        return np.array([gait.offset + gait.speed * phase, z, *foot, 0, gait.posture[0]])
+        return np.array([gait.offset + speed * phase, z, *foot, 0, gait.posture[0]])
 
     def _configuration(self, q, outputs):
         """By Newton's method from q."""

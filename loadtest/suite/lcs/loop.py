@@ -62,7 +62,7 @@ def as_controlled(task, scenario, data, deadline):
     return marble.lcs.Task(
         rate=task.rate, stages=task.stages, dt=task.dt, Q=task.Q, R=task.R, P=task.P, target=target, deadline=deadline,
         regularization=task.regularization, contacts=task.contacts, shift=None if task.along_plan else 1,
-        linearize_along="plan" if task.along_plan else "state")
+        linearize_along="plan" if task.along_plan else "state", linearizations=max(1, task.along_plan))
 
 
 def pairs(task):

@@ -101,30 +101,39 @@ class _Planned:
     def __init__(self, client, planner, task, linearizer):
         self._client, self._planner, self._task, self._linearizer = client, planner, task, linearizer
         self._along = None
-        """The next step's configurations, velocities and inputs of the last plan."""
+        """The last plan's configurations, velocities and inputs at the stages of the next step."""
         self._steps = 0
 
     def step(self, view):
-        lcs = view.now.lcs if self._along is None else linearize_along(self._linearizer, view.data, view.now,
-                                                                       *self._along)
+        lcs = view.now.lcs if self._along is None else self._along_plan(view, *self._along)
         shift = self._stages(self._steps) - self._stages(self._steps - 1) if self._linearizer else 1
         plan = self._planner.step(view.now.x0, lcs=lcs, x_ref=view.x_ref, shift=shift if self._steps else 0,
                                   **bounds(self._task, view.now))
+        plans = [plan]
+        for _ in range(1, self._task.along_plan):
+            lcs = self._along_plan(view, *self._moved(view.now, plan, 0.0))
+            plan = self._planner.step(view.now.x0, lcs=lcs, x_ref=view.x_ref, shift=0, **bounds(self._task, view.now))
+            plans.append(plan)
         self._steps += 1
         if self._linearizer:
-            self._along = self._moved(view.now, plan)
-        return Step(plan.u[0], plan.times.solve_s, plan.status is not marble.Status.SOLVED or not plan.feasible,
-                    complementarity(lcs, plan.x[:-1], plan.u, plan.lam),
+            self._along = self._moved(view.now, plan, 1 / self._task.rate / self._task.dt)
+        return Step(plan.u[0], sum(one.times.solve_s for one in plans),
+                    plan.status is not marble.Status.SOLVED or not plan.feasible, complementarity(lcs, plan.x[:-1], plan.u, plan.lam),
                     (plan.objective - plan.start_objective) / max(1.0, abs(plan.start_objective)),
-                    None if plan.solution is None else plan.solution.factorizations)
+                    None if plan.solution is None else sum(one.solution.factorizations for one in plans))
 
     def _stages(self, steps):
         """Stages that have ended after so many steps."""
         return int(max(steps, 0) / self._task.rate / self._task.dt + 1e-6)
 
-    def _moved(self, now, plan):
+    def _along_plan(self, view, q, v, u):
+        return linearize_along(self._linearizer, view.data, view.now, q, v, u)
+
+    @staticmethod
+    def _moved(now, plan, stages):
+        """Configurations, velocities and inputs of the stages that many stages later."""
         count = len(plan.u)
-        at = np.arange(count) + 1 / self._task.rate / self._task.dt
+        at = np.arange(count) + stages
         k = np.minimum(at.astype(int), count - 1)
         x = plan.x[k] + (at - k)[:, None] * (plan.x[k + 1] - plan.x[k])
         q, v = zip(*map(now.configuration, x), strict=True)

@@ -14,5 +14,5 @@ from marble.lcs.system import LCS
 from marble.lcs.task import Task
 
 __all__ = ["C3Options", "ContactPair", "ControlStatistics", "ControlStep", "Controller", "LCS", "Linearization", "Plan",
-           "PlanOrigin", "PlanTimes", "Planner", "StateLinearizer", "Task", "c3_options", "linearize", "linearize_along",
-           "linearizer", "rollout"]
+           "PlanOrigin", "PlanTimes", "Planner", "StateLinearizer", "Task", "c3_options", "linearize",
+           "linearize_along", "linearizer", "rollout"]

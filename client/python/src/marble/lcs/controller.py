@@ -53,7 +53,7 @@ class ControlStep:
     u: (nu,), the inputs to apply. plan: of N stages; if it is not feasible, u is that of the last plan, moved on.
     linearization: where the plan's states are defined: `linearization.configuration(plan.x[k])`.
     is_late: whether it took longer than the deadline or the period. is_fallback: whether u is not that of the solver's
-    solution. linearize_s, total_s: seconds of measuring and linearizing, and of the whole step.
+    solution. linearize_s, total_s: seconds of measuring and linearizing before the first plan, and of the whole step.
     """
 
     u: Array
@@ -159,6 +159,14 @@ class Controller:
                                                self._bounded(self._current.moved(shift).u), shift,
                                                self.task.deadline_s - (time.perf_counter() - begin),
                                                self.task.step_bounds(now, x0))
+            for _ in range(1, int(self.task.linearizations)):
+                if error or not (plan.feasible and plan.status.solved):
+                    break
+                along = _Trajectory(plan.u, plan.x, now)
+                lcs = linearize_along(self._linearizer(), state, now, *along.after(0.0), along.u)
+                plan, error = self._guarded().step(lcs, x0, self.task.x_ref(now, self.time_s), self._applied, plan.u, 0,
+                                                   self.task.deadline_s - (time.perf_counter() - begin),
+                                                   self.task.step_bounds(now, x0))
         return self._finish(plan, now, error, shift, begin, linearized - begin)
 
     def prepare(self, state: Any) -> None:
@@ -298,9 +306,13 @@ class Controller:
         """The system to plan with: that of `now`, or of a task that wants it so, the one along the last plan."""
         if self.task.linearize_along == "state":
             return now.lcs
-        assert self._linearize is not None and self._current is not None
+        assert self._current is not None
         q, v = self._current.after(self.task.period_s / self.task.dt)
-        return linearize_along(self._linearize, state, now, q, v, self._current.moved(shift).u)
+        return linearize_along(self._linearizer(), state, now, q, v, self._current.moved(shift).u)
+
+    def _linearizer(self) -> StateLinearizer:
+        assert self._linearize is not None
+        return self._linearize
 
     def _finish(self, plan: Plan, now: Linearization, error: str, shift: int, begin: float,
                 linearize_s: float) -> ControlStep:

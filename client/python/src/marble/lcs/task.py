@@ -19,6 +19,7 @@ from marble.model.lcqp import numbers
 
 Target = tuple[ArrayLike, ArrayLike] | Callable[[Linearization, float], tuple[ArrayLike, ArrayLike]]
 
+MAX_LINEARIZATIONS: Final = 100
 _OF_TASK = ("dt", "u")
 _SAME_TIME: Final = 1e-6
 """Relative to a control step."""
@@ -45,8 +46,10 @@ class Task:
     is late.
     linearize_along: "state": one system for all stages, linearized at the present state. "plan": a system per stage,
     each linearized at that stage's state of the last plan, moved on, as of marble.lcs.linearize_along: for motions that
-    leave one linearization within the horizon, such as hops. It takes as many linearizations a step as there are stages;
-    the first step, which has no plan yet, is as with "state".
+    leave one linearization within the horizon, such as hops. It takes a linearization per stage; the first step, which
+    has no plan yet, is as with "state".
+    linearizations: plans per step, in [1, 100]; each after the first is made of the system along the one before, if that
+    is solved. More than one needs linearize_along="plan". They share the deadline.
     kp, kd: gains of the feedback between plans, ≥ 0, one number or (nv,): N/m or N m/rad, and those by the velocity in
     N s/m or N m s/rad; see Controller.input. 0: none.
 
@@ -72,6 +75,7 @@ class Task:
     shift: int | None = None
     deadline: float | None = None
     linearize_along: str = "state"
+    linearizations: int = 1
     kp: ArrayLike = 0.0
     kd: ArrayLike = 0.0
 
@@ -87,7 +91,12 @@ class Task:
         if not isinstance(self.contacts, Mapping):
             raise InvalidArgument("contacts", "must be a mapping of options", value=type(self.contacts).__name__)
         if self.linearize_along not in ("state", "plan"):
-            raise InvalidArgument("linearize_along", 'must be "state" or "plan"', value=repr(self.linearize_along)[:100])
+            raise InvalidArgument("linearize_along", 'must be "state" or "plan"',
+                                  value=repr(self.linearize_along)[:100])
+        most = MAX_LINEARIZATIONS if self.linearize_along == "plan" else 1
+        if not is_whole(self.linearizations, 1, most):
+            raise InvalidArgument("linearizations", f'must be in [1, {most}] with linearize_along='
+                                  f'"{self.linearize_along}"', value=repr(self.linearizations))
         for name in _OF_TASK:
             if name in self.contacts:
                 raise InvalidArgument("contacts", "must not have dt, which the task has, nor u", value=repr(name))
