@@ -48,8 +48,8 @@ class Task:
     each linearized at that stage's state of the last plan, moved on, as of marble.lcs.linearize_along: for motions that
     leave one linearization within the horizon, such as hops. It takes a linearization per stage; the first step, which
     has no plan yet, is as with "state".
-    linearizations: plans per step, in [1, 100]; each after the first is made of the system along the one before, if that
-    is solved. More than one needs linearize_along="plan". They share the deadline.
+    linearizations: plans per step, in [1, 100]; each after the first is made of the system along the one before, if
+    that is solved. More than one needs linearize_along="plan". They share the deadline.
     kp, kd: gains of the feedback between plans, ≥ 0, one number or (nv,): N/m or N m/rad, and those by the velocity in
     N s/m or N m s/rad; see Controller.input. 0: none.
 
