@@ -40,6 +40,28 @@ Vector dense(std::span<const double> v) {
   return Eigen::Map<const Vector>(v.data(), static_cast<Eigen::Index>(v.size()));
 }
 
+struct InteriorPoint {
+  Vector y;
+  double error;  // the largest residual of the optimality conditions, of rows of norm 1
+};
+
+// Up to kMost rows and columns without a call of malloc, which costs a small problem more than its numbers
+// do.
+template <int kMost>
+struct Bounded {
+  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMost, kMost>;
+  using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMost, 1>;
+  explicit Bounded(const Branch& p) : H(p.H), G(p.G), c(p.c), h(p.h) {}
+  Matrix H, G;
+  Vector c, h;
+};
+
+template <class Vector>
+double largest(const Vector& v) {
+  return v.size() > 0 ? v.cwiseAbs().maxCoeff() : 0.0;
+}
+
+template <class Vector>
 double longest_step(const Vector& x, const Vector& dx) {
   double step = 1.0;
   for (Eigen::Index i = 0; i < x.size(); ++i) {
@@ -48,30 +70,27 @@ double longest_step(const Vector& x, const Vector& dx) {
   return step;
 }
 
-struct InteriorPoint {
-  Vector y;
-  double error;  // the largest residual of the optimality conditions, of rows of norm 1
-};
-
-// Mehrotra's predictor-corrector method from an infeasible start. The caller knows that the branch is
-// feasible.
-InteriorPoint interior_point(const Branch& p) {
+// Mehrotra's predictor-corrector method from an infeasible start.
+template <int kMost>
+InteriorPoint interior_point(const Bounded<kMost>& p) {
+  using Rows = typename Bounded<kMost>::Matrix;
+  using Values = typename Bounded<kMost>::Vector;
   const Eigen::Index m = p.h.size();
-  Vector y = Vector::Zero(p.c.size());
-  Vector w = (p.G * y + p.h).cwiseAbs().cwiseMax(1.0);
-  Vector nu = Vector::Ones(m);
+  Values y = Values::Zero(p.c.size());
+  Values w = (p.G * y + p.h).cwiseAbs().cwiseMax(1.0);
+  Values nu = Values::Ones(m);
   double error = kInfinity;
   for (int iteration = 0; iteration < 200; ++iteration) {
-    const Vector dual = p.H * y + p.c - p.G.transpose() * nu;
-    const Vector primal = p.G * y + p.h - w;
+    const Values dual = p.H * y + p.c - p.G.transpose() * nu;
+    const Values primal = p.G * y + p.h - w;
     const double mu = m > 0 ? w.dot(nu) / static_cast<double>(m) : 0.0;
-    error = std::max({dual.lpNorm<Eigen::Infinity>(), mu, m > 0 ? primal.lpNorm<Eigen::Infinity>() : 0.0});
-    if (error < 1e-12 || y.lpNorm<Eigen::Infinity>() > kRunaway) break;
-    Matrix normal = p.H + p.G.transpose() * nu.cwiseQuotient(w).asDiagonal() * p.G;
+    error = std::max({largest(dual), mu, largest(primal)});
+    if (error < 1e-12 || largest(y) > kRunaway) break;
+    Rows normal = p.H + p.G.transpose() * nu.cwiseQuotient(w).asDiagonal() * p.G;
     normal.diagonal().array() += 1e-14 * (1.0 + normal.diagonal().maxCoeff());
-    const Eigen::LDLT<Matrix> factor(normal);
-    Vector dy, dw, dnu;
-    const auto direction = [&](const Vector& products) {
+    const Eigen::LDLT<Rows> factor(normal);
+    Values dy, dw, dnu;
+    const auto direction = [&](const Values& products) {
       dy = factor.solve(-dual - p.G.transpose() * (products + nu.cwiseProduct(primal)).cwiseQuotient(w));
       dw = p.G * dy + primal;
       dnu = -(products + nu.cwiseProduct(dw)).cwiseQuotient(w);
@@ -95,6 +114,16 @@ InteriorPoint interior_point(const Branch& p) {
   return {y, error};
 }
 
+InteriorPoint interior_point(const Branch& p) {
+  constexpr int kFew = 24;
+  if (p.c.size() <= kFew && p.h.size() <= kFew) return interior_point(Bounded<kFew>(p));
+  return interior_point(Bounded<Eigen::Dynamic>(p));
+}
+
+double violation(const Branch& p, const Vector& y) {
+  return p.h.size() > 0 ? std::max(0.0, -(p.G * y + p.h).minCoeff()) : 0.0;
+}
+
 // Returns the least violation of G y + h ≥ 0, by the linear program over (y, violation), which is always
 // feasible.
 double least_violation(const Branch& p) {
@@ -109,8 +138,7 @@ double least_violation(const Branch& p) {
   phase.G.col(n).setOnes();
   phase.h = Vector::Zero(m + 1);
   phase.h.head(m) = p.h;
-  const Vector y = interior_point(phase).y.head(n);
-  return m > 0 ? std::max(0.0, -(p.G * y + p.h).minCoeff()) : 0.0;
+  return violation(p, interior_point(phase).y.head(n));
 }
 
 // Returns whether a feasible branch has a feasible direction along which its objective decreases without
@@ -218,9 +246,10 @@ std::optional<BestPoint> best_point(const Dense& p, unsigned choice) {
   }
   if (eigenvalues(branch.H)[0] < -1e-9) throw std::invalid_argument("Q is not convex on a branch");
   if (!normalize(branch.G, branch.h, false)) return std::nullopt;
-  const double violation = least_violation(branch);
-  if (violation > kFeasible * (1.0 + point.norm())) return std::nullopt;
   const auto [y, error] = interior_point(branch);
+  const double feasible = kFeasible * (1.0 + point.norm());
+  // NaN is no proof either.
+  if (!(violation(branch, y) <= feasible) && least_violation(branch) > feasible) return std::nullopt;
   const Vector x = point + basis * y;
   return BestPoint{x, x.lpNorm<Eigen::Infinity>() > kSuspect && is_unbounded(branch),
                    error <= kConverged * (1.0 + branch.c.lpNorm<Eigen::Infinity>())};
