@@ -120,21 +120,21 @@ class Unpacked {
 
 }  // namespace
 
-TarZstWriter::TarZstWriter(Sink sink) : sink_(std::move(sink)), context_(ZSTD_createCCtx()) {
+TarZstWriter::TarZstWriter(Sink sink)
+    : sink_(std::move(sink)), context_(ZSTD_createCCtx()), packed_(ZSTD_CStreamOutSize()) {
   ZSTD_CCtx_setParameter(context_.get(), ZSTD_c_checksumFlag, 1);
 }
 
 Expected<void> TarZstWriter::put(std::string_view bytes, ZSTD_EndDirective end) {
   ZSTD_inBuffer input{bytes.data(), bytes.size(), 0};
-  std::vector<char> packed(ZSTD_CStreamOutSize());
   std::size_t left = 1;
   while (end == ZSTD_e_end ? left > 0 : input.pos < input.size) {
-    ZSTD_outBuffer output{packed.data(), packed.size(), 0};
+    ZSTD_outBuffer output{packed_.data(), packed_.size(), 0};
     left = ZSTD_compressStream2(context_.get(), &output, &input, end);
     if (ZSTD_isError(left) != 0)
       return unexpected(failure(ErrorCode::internal, std::string("zstd: ") + ZSTD_getErrorName(left)));
     if (output.pos == 0) continue;
-    if (auto taken = sink_({packed.data(), output.pos}); !taken) return taken;
+    if (auto taken = sink_({packed_.data(), output.pos}); !taken) return taken;
   }
   return {};
 }

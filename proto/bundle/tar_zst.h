@@ -8,6 +8,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "marble/error.h"
 
@@ -34,6 +35,7 @@ class TarZstWriter {
   };
   const Sink sink_;
   const std::unique_ptr<ZSTD_CCtx, Free> context_;
+  std::vector<char> packed_;
 };
 
 /// What to do with a file of an archive.
