@@ -10,6 +10,7 @@
 
 namespace marble::examples {
 
+/// A problem of the collection.
 struct MacmpecProblem {
   std::string_view name;    ///< the collection's, with _ for . and -
   std::string_view source;  ///< who published it
