@@ -211,7 +211,7 @@ class Pages(unittest.TestCase):
     def test_the_tutorial_prints_what_it_says(self):
         page = (ROOT / "client/python/CONTROLLER.md").read_text(encoding="utf-8")
         blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-        self.assertEqual(len(blocks), 7)
+        self.assertEqual(len(blocks), 8)
         printed = "".join(re.findall(r"```text\n(.*?)```", page, re.DOTALL))
         out, names, own = io.StringIO(), {}, os.getcwd()
         with tempfile.TemporaryDirectory() as folder:

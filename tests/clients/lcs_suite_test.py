@@ -178,7 +178,7 @@ class Hopping(unittest.TestCase):
         steps = runs["marble"].steps
         self.assertEqual((len(steps), sum(step.unsolved for step in steps)), (120, 0))
         self.assertLess(max(step.complementarity for step in steps), 1e-9)
-        self.assertLessEqual(np.median([step.factorizations for step in steps]), 20)
+        self.assertLessEqual(np.median([step.factorizations for step in steps]), 30)  # of two plans
 
     def test_a_controller_hops_too(self):
         task = TASKS["hopper_walk"]
