@@ -64,35 +64,25 @@ TEST(PublishedExamples, ARocketIsSolvedWithoutPolishToo) {
   }
 }
 
+void expect_solved_to(const OwnedProblem& problem, double reached) {
+  const Solution s = solve_in_process(problem.view()).value();
+  EXPECT_EQ(s.status, Status::solved) << problem.name << ": " << s.detail;
+  EXPECT_LE(s.objective, reached) << problem.name;
+  EXPECT_NEAR(objective(problem, s.z), s.objective, 1e-8 * s.objective) << problem.name;
+  EXPECT_LE(infeasibility(problem, s.z), 1e-9) << problem.name;
+}
+
 TEST(PublishedExamples, OfGatesAndHopperAreSolvedToWhatIsKnown) {
-  const struct {
-    OwnedProblem problem;
-    double reached;
-  } all[] = {{published_gates(), 608.0}, {published_hopper(), 29.21}};
-  for (const auto& [problem, reached] : all) {
-    const Solution s = solve_in_process(problem.view()).value();
-    EXPECT_EQ(s.status, Status::solved) << problem.name << ": " << s.detail;
-    EXPECT_LE(s.objective, reached) << problem.name;
-    EXPECT_NEAR(objective(problem, s.z), s.objective, 1e-8 * s.objective) << problem.name;
-    EXPECT_LE(infeasibility(problem, s.z), 1e-9) << problem.name;
-  }
+  expect_solved_to(published_gates(), 608.0);
+  expect_solved_to(published_hopper(), 29.21);
 }
 
 TEST(PublishedExamples, OfRobotsAndARocketInSpaceAreSolvedToWhatIsKnown) {
   expect_sizes(published_robots(), 1074, 552, 90, 360);
   expect_sizes(published_robots({.steps = 10}), 354, 192, 30, 120);
   expect_sizes(published_rocket_3d(), 1000, 692, 1080, 40);
-  const struct {
-    OwnedProblem problem;
-    double reached;
-  } all[] = {{published_robots(), 28.62}, {published_rocket_3d(), 290.21}};
-  for (const auto& [problem, reached] : all) {
-    const Solution s = solve_in_process(problem.view()).value();
-    EXPECT_EQ(s.status, Status::solved) << problem.name << ": " << s.detail;
-    EXPECT_LE(s.objective, reached) << problem.name;
-    EXPECT_NEAR(objective(problem, s.z), s.objective, 1e-8 * s.objective) << problem.name;
-    EXPECT_LE(infeasibility(problem, s.z), 1e-9) << problem.name;
-  }
+  expect_solved_to(published_robots(), 28.62);
+  expect_solved_to(published_rocket_3d(), 290.21);
 }
 
 TEST(Examples, GrowWithTheHorizon) {

@@ -111,6 +111,19 @@ void LocalSearch::rank_switches() {
   sort_candidates();
 }
 
+// Returns whether the switch of a pair improves the objective; nothing if its multiplier has the right sign
+// by now. It counts as failed until it is made.
+std::optional<bool> LocalSearch::follow_switch(Index pair) {
+  const Index fixed = parametric_.fixed_row(pair);
+  const Index free = parametric_.free_row(pair);
+  const double multiplier = parametric_.multiplier(fixed);
+  if (multiplier > -tuning::pull) return std::nullopt;
+  failed_multiplier_[pair] = multiplier;
+  failed_slack_[pair] = parametric_.slack(free);
+  const Parametric::Move moves[] = {{fixed, false}, {free, true}};
+  return parametric_.follow(moves, elastic_.objective() - least_improvement(), 0.0).has_value();
+}
+
 // Takes the first improvement and continues through the same list, until a whole list gives none.
 void LocalSearch::search_switches(Run& run, int patience, int last_factorization) {
   for (bool any = true; any;) {
@@ -121,15 +134,9 @@ void LocalSearch::search_switches(Run& run, int patience, int last_factorization
           run.interrupted())
         return;
       const Index pair = candidate.pair;
-      const Index fixed = parametric_.fixed_row(pair);
-      const Index free = parametric_.free_row(pair);
-      const double multiplier = parametric_.multiplier(fixed);
-      if (multiplier > -tuning::pull) continue;
-      failed_multiplier_[pair] = multiplier;
-      failed_slack_[pair] = parametric_.slack(free);
-      const Parametric::Move moves[] = {{fixed, false}, {free, true}};
-      if (parametric_.follow(moves, elastic_.objective() - least_improvement(), 0.0) &&
-          take(run, {&pair, 1})) {
+      const std::optional<bool> gains = follow_switch(pair);
+      if (!gains) continue;
+      if (*gains && take(run, {&pair, 1})) {
         any = true;
         switch_failures_ = 0;
         failed_multiplier_[pair] = std::numeric_limits<double>::infinity();
@@ -157,16 +164,10 @@ void LocalSearch::search_blocks(Run& run, int patience, int last_factorization) 
       block_rows_.clear();
       std::fill(taken_.begin(), taken_.end(), std::uint8_t{0});
       for (; next != candidates_.end() && block_.size() < most && !stops(); ++next) {
-        const Index pair = next->pair;
-        const Index fixed = parametric_.fixed_row(pair);
-        const Index free = parametric_.free_row(pair);
-        const double multiplier = parametric_.multiplier(fixed);
-        if (multiplier > -tuning::pull) continue;
-        failed_multiplier_[pair] = multiplier;
-        failed_slack_[pair] = parametric_.slack(free);
-        const Parametric::Move moves[] = {{fixed, false}, {free, true}};
-        if (parametric_.follow(moves, elastic_.objective() - least_improvement(), 0.0)) {
-          if (add_to_block(pair)) switch_failures_ = 0;
+        const std::optional<bool> gains = follow_switch(next->pair);
+        if (!gains) continue;
+        if (*gains) {
+          if (add_to_block(next->pair)) switch_failures_ = 0;
         } else {
           ++switch_failures_;
         }

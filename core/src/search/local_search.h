@@ -6,6 +6,7 @@
 #pragma once
 
 #include <limits>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -50,6 +51,7 @@ class LocalSearch {
     Index pair;
     double rank;  // lower ranks are tried first
   };
+  [[nodiscard]] std::optional<bool> follow_switch(Index pair);
   void search_switches(Run& run, int patience, int last_factorization);
   void search_blocks(Run& run, int patience, int last_factorization);
   [[nodiscard]] bool add_to_block(Index pair);
