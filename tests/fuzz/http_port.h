@@ -27,10 +27,13 @@ struct HttpPort : SmallParts {
   explicit HttpPort(std::int64_t queue_bytes = 0, std::int64_t result_bytes = 1000)
       : SmallParts(queue_bytes, result_bytes) {
     config.http_wait_s = 0.0;
-    httplib_.set_payload_max_length(1 << 16);
+    httplib_.set_payload_max_length(kLongestBody);
+    // As the server's: nothing is reserved for a body that is declared too long.
     httplib_.set_pre_routing_handler([](const httplib::Request& request, httplib::Response& response) {
-      if (server::http::check_browser(request, true)) return httplib::Server::HandlerResponse::Unhandled;
-      response.status = 403;
+      const bool is_allowed = server::http::check_browser(request, true).has_value();
+      const bool is_too_long = request.get_header_value<std::uint64_t>("Content-Length") > kLongestBody;
+      if (is_allowed && !is_too_long) return httplib::Server::HandlerResponse::Unhandled;
+      response.status = is_allowed ? 413 : 403;
       return httplib::Server::HandlerResponse::Handled;
     });
     server::http::add_job_routes(router_, all, semaphore_);
@@ -75,6 +78,8 @@ struct HttpPort : SmallParts {
   }
 
  private:
+  static constexpr std::size_t kLongestBody = 1 << 16;
+
   class Answering final : public httplib::Server {
    public:
     bool answer(server::http::Connection& connection) {

@@ -104,7 +104,9 @@ void NlSegments::check_header() {
     if (count > 0)
       in_.fail("header", std::to_string(count) + " " + what, std::string("must be none: not ") + whole_);
   };
-  if (header_.integers > 0) enter(Kind::column, header_.first_integer);
+  const std::int64_t first = header_.first_integer;
+  if (header_.integers > 0 && first >= 0 && first < header_.variables)
+    enter(Kind::column, static_cast<int>(first));
   refuse(header_.integers, "integer variables");
   refuse(header_.networks, "network constraints");
   refuse(header_.functions, "imported functions");

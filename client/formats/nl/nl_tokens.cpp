@@ -51,9 +51,10 @@ std::array<int, 6> NlTokens::header_line(int number, int least) {
   while (count < 6) {
     const std::string_view word = take_word(words);
     if (word.empty()) break;
-    const auto [end, code] = std::from_chars(word.data(), word.data() + word.size(), values[count]);
-    if (code != std::errc() || values[count] < 0) break;
-    ++count;
+    int value = 0;
+    const auto [end, code] = std::from_chars(word.data(), word.data() + word.size(), value);
+    if (code != std::errc() || value < 0) break;
+    values[count++] = value;
   }
   if (count < least) fail("header", "line " + std::to_string(number), "must hold counts >= 0");
   return values;
@@ -102,10 +103,10 @@ NlHeader NlTokens::header() {
   header.integers = std::accumulate(discrete.begin(), discrete.begin() + 5, std::int64_t{0});
   // Integers are last in each group: of variables in constraints and objective, in constraints, in the
   // objective, and of all (Gay, table 3).
-  header.first_integer = header.variables - discrete[0] - discrete[1];
+  header.first_integer = std::int64_t{header.variables} - discrete[0] - discrete[1];
   const int last[] = {nonlinear[2], nonlinear[0], std::max(nonlinear[0], nonlinear[1])};
   for (int kind = 0; kind < 3; ++kind) {
-    if (discrete[2 + kind] > 0) header.first_integer = last[kind] - discrete[2 + kind];
+    if (discrete[2 + kind] > 0) header.first_integer = std::int64_t{last[kind]} - discrete[2 + kind];
   }
   const auto nonzeros = header_line(8, 2);
   header.jacobian = nonzeros[0];

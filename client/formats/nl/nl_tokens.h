@@ -19,7 +19,7 @@ struct NlHeader {
   std::optional<double> vb_tolerance{};  ///< after them if the second is 3; also to be repeated
   int variables = 0, constraints = 0, objectives = 0;
   std::int64_t integers = 0;                ///< integer and binary variables
-  int first_integer = 0;                    ///< one of them, if there are any
+  std::int64_t first_integer = 0;           ///< one of them; no column where the counts contradict each other
   std::int64_t networks = 0;                ///< network constraints
   int functions = 0;                        ///< imported functions
   std::int64_t jacobian = 0, gradient = 0;  ///< entries of the segments J, of the segments G

@@ -40,6 +40,16 @@ TEST(NlSizes, SumsOfCountsDoNotOverflow) {
       << file.error().message();
 }
 
+TEST(NlSizes, IntegersThatContradictTheOtherCountsAreRefusedWithoutNamingAColumn) {
+  std::string text = "g3 1 1 0\n 1 0 1 0 0\n 0 1\n 0 0\n 0 2147483647 0\n 0 0 0 1\n";
+  text += " 0 0 2147483647 2147483647 2147483647\n 0 0\n 0 0\n 0 0 0 0 0\n";
+  const auto file = parse_nl(text, "integers");
+  ASSERT_FALSE(file.has_value());
+  EXPECT_NE(file.error().message().find("6442450941 integer variables"), std::string::npos)
+      << file.error().message();
+  EXPECT_EQ(file.error().message().find("of variable"), std::string::npos) << file.error().message();
+}
+
 TEST(NlSizes, TermsAreBoundedByTheFilesLengthHoweverTheyAreMultiplied) {
   constexpr int kVariables = 6000;  // 36 million products in 100 kB
   NlWriter nl(false, kVariables, 0, 1);
