@@ -270,6 +270,25 @@ TEST(LcsPlanner, TakesOneFactorizationWhereTheBranchStays) {
   EXPECT_EQ(most, 1);
 }
 
+// At rest, the dynamics' constants are rounding errors or zeros.
+TEST(LcsPlanner, TakesNoMoreFactorizationsWhenOpenedWithRoundingErrors) {
+  int factorizations[2] = {};
+  for (const double noise : {0.0, 5e-15}) {
+    OwnedSystem system = cart_pole();
+    system.d = {noise, -2.0 * noise, 3.0 * noise, 0.5 * noise};
+    Loop loop(system, cart_pole_task(10));
+    Values x = {0.3, 0.3, 0.9, 0.5};
+    for (int k = 0; k < 15; ++k) {
+      const LcsUpdate update = loop.planner.begin({.x0 = x}).value();
+      const Solution solution = loop.solver.solve(update.numbers, update.restart).value();
+      const LcsPlan plan = loop.planner.finish({.status = solution.status, .z = solution.z}).value();
+      factorizations[noise > 0.0] += solution.factorizations;
+      x.assign(plan.x.begin() + 4, plan.x.begin() + 8);
+    }
+  }
+  EXPECT_LE(factorizations[1], factorizations[0]);
+}
+
 TEST(LcsPlanner, ReturnsAFeasiblePlanWhenTheSolveIsStopped) {
   Loop loop(cart_pole(), cart_pole_task(10));
   const Values x = {0.3, 0.3, 0.9, 0.5};

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "dense_system.h"
 #include "random_setting.h"
 #include "row_parts.h"
@@ -48,6 +51,34 @@ TEST(Scaling, TakesNoUnitsFromWhatRoundingLeft) {
   EXPECT_EQ(noisy.equality_scale, p.equality_scale);
   EXPECT_EQ(noisy.row_scale, p.row_scale);
   EXPECT_EQ(noisy.cost_scale, p.cost_scale);
+}
+
+// As at a robot's rest pose, where all constants are what rounding left.
+TEST(Scaling, TakesNoUnitsFromConstantsFarBelowTheirRows) {
+  OwnedProblem problem = random_problem({}, 1);
+  problem.g[0] *= 1e4;
+  std::ranges::fill(problem.b, 0.0);
+  const ScaledProblem p = scale(Problem::create(problem.view()).value(), 10);
+  for (std::size_t i = 0; i < problem.b.size(); ++i) problem.b[i] = 1e-15 * static_cast<double>(i + 1);
+  const ScaledProblem noisy = scale(Problem::create(problem.view()).value(), 10);
+  EXPECT_EQ(noisy.variable_scale, p.variable_scale);
+  EXPECT_EQ(noisy.equality_scale, p.equality_scale);
+  EXPECT_EQ(noisy.row_scale, p.row_scale);
+  EXPECT_EQ(noisy.cost_scale, p.cost_scale);
+}
+
+// min z²/2 + z, z + 2^40 = 0, and the same with z = small z': only in the user's units is the constant noise.
+TEST(Scaling, TakesUnitsFromConstantsThatAreSmallInTheUsersUnitsAlone) {
+  double constants[2] = {};
+  for (const double small : {1.0, std::ldexp(1.0, -80)}) {
+    OwnedProblem problem;
+    problem.Q = {1, 1, {0, 1}, {0}, {1.0 / (small * small)}};
+    problem.A = {1, 1, {0, 1}, {0}, {1.0 / small}};
+    problem.g = {1.0 / small}, problem.b = {std::ldexp(1.0, 40)};
+    constants[small < 1.0] = scale(Problem::create(problem.view()).value(), 10).b[0];
+  }
+  EXPECT_LT(constants[0], std::ldexp(1.0, 35));  // they count
+  EXPECT_NEAR(constants[1] / constants[0], 1.0, 0.5);
 }
 
 TEST(Scaling, ViolationsAreInTheUsersUnits) {

@@ -10,6 +10,8 @@
 namespace marble {
 namespace {
 
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
 // Returns log₂ of each number's size to half a unit, which is all that units need. NaN for a zero, and for
 // the rounding error of a sum of numbers as large as the largest.
 template <class Values>
@@ -20,7 +22,7 @@ std::vector<double> log_sizes(const Values& values) {
   logs.reserve(static_cast<std::size_t>(values.size()));
   for (const double value : values) {
     const bool counts = std::abs(value) > tuning::roundoff * largest;
-    logs.push_back(counts ? std::ilogb(value) + 0.5 : std::numeric_limits<double>::quiet_NaN());
+    logs.push_back(counts ? std::ilogb(value) + 0.5 : kNone);
   }
   return logs;
 }
@@ -46,6 +48,12 @@ class Fit {
         row_(Vector::Zero(p.A.rows + p.rows.rows)),
         column_(Vector::Zero(p.variables())) {}
 
+  /// Leaves out the constants that may be rounding errors of their row's sum, if its variables are of size
+  /// 2^columns. Returns whether there are any.
+  bool leave_out_noise(const Vector& columns) {
+    const bool of_A = leave_out_noise(p_.A, logs_.A, columns, logs_.b);
+    return leave_out_noise(p_.rows, logs_.rows, columns, logs_.offset) || of_A;
+  }
   /// True if all numbers are within the range in which units stay 1.
   [[nodiscard]] bool near_one() const {
     const auto near = [](const std::vector<double>& logs) {
@@ -54,11 +62,15 @@ class Fit {
     return near(logs_.Q) && near(logs_.A) && near(logs_.rows) && near(logs_.g) && near(logs_.b) &&
            near(logs_.offset);
   }
-  void improve() {
-    improve_rows();
-    improve_columns();
-    improve_size_and_cost();
+  void improve(const Interrupt& interrupt) {
+    if (near_one()) return;
+    for (int pass = 0; pass < tuning::units_passes && !interrupt.requested(); ++pass) {
+      improve_rows();
+      improve_columns();
+      improve_size_and_cost();
+    }
   }
+  [[nodiscard]] const Vector& columns() const { return column_; }
   [[nodiscard]] ScaleFactors units() const {
     const double most = std::floor(std::log2(tuning::scale_range));
     const auto rounded = [most](double log) {
@@ -69,6 +81,21 @@ class Fit {
   }
 
  private:
+  static bool leave_out_noise(const RowMatrix& matrix, const std::vector<double>& logs, const Vector& columns,
+                              std::vector<double>& constants) {
+    Vector largest = Vector::Constant(matrix.rows, -std::numeric_limits<double>::infinity());
+    visit_rows(matrix, logs, 0, [&](Index row, Index column, double log) {
+      largest[row] = std::max(largest[row], log + columns[column]);
+    });
+    const double least = std::log2(tuning::constant_noise);
+    bool any = false;
+    for (Index row = 0; row < matrix.rows; ++row) {
+      if (!(constants[static_cast<std::size_t>(row)] <= least + largest[row])) continue;
+      constants[static_cast<std::size_t>(row)] = kNone;
+      any = true;
+    }
+    return any;
+  }
   template <class Visit>
   void visit_entries(Visit&& visit) const {
     visit_rows(p_.A, logs_.A, 0, visit);
@@ -153,7 +180,9 @@ class Fit {
   }
 
   const ScaledProblem& p_;
-  const struct { std::vector<double> Q, A, rows, g, b, offset; } logs_;
+  struct {
+    std::vector<double> Q, A, rows, g, b, offset;
+  } logs_;
   Vector row_, column_;
   double cost_ = 0.0;
 };
@@ -162,9 +191,13 @@ class Fit {
 
 ScaleFactors choose_units(const ScaledProblem& p, const Interrupt& interrupt) {
   Fit fit(p);
-  if (fit.near_one()) return fit.units();
-  for (int pass = 0; pass < tuning::units_passes && !interrupt.requested(); ++pass) fit.improve();
-  return fit.units();
+  const bool noise = fit.leave_out_noise(Vector::Zero(p.variables()));
+  fit.improve(interrupt);
+  if (!noise) return fit.units();
+  Fit again(p);  // what looked like noise in the user's units may be data in these
+  again.leave_out_noise(fit.columns());
+  again.improve(interrupt);
+  return again.units();
 }
 
 }  // namespace marble

@@ -11,7 +11,9 @@ namespace marble {
 /// problem in other units thus gives the same numbers. (Curtis and Reid, "On the automatic scaling of
 /// matrices for Gaussian elimination", 1972, extended by constants and cost.) The units are rounded to powers
 /// of two and limited by tuning::scale_range. A unit within 2^±tuning::units_bits of 1 stays 1, and all units
-/// stay 1 if all numbers are within that range. `p` must contain the user's numbers.
+/// stay 1 if all numbers are within that range. A number that may be a rounding error counts as a zero: one
+/// below tuning::roundoff of the largest of its kind, and a constant below tuning::constant_noise of its
+/// row's largest entry, in the user's units and in the fitted ones. `p` must contain the user's numbers.
 [[nodiscard]] ScaleFactors choose_units(const ScaledProblem& p, const Interrupt& interrupt);
 
 }  // namespace marble

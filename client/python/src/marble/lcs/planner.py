@@ -84,8 +84,6 @@ class Plan:
 
 
 MAX_STAGES: Final = 1_000_000
-_NOISE: Final = 1e-9
-"""Of the largest number in the same rows: what is below is rounding error, also of finite differences."""
 
 
 def native() -> Any:
@@ -167,7 +165,7 @@ class Planner:
         self._client, self._owns_client = (server, False) if isinstance(server, marble.Client) else (
             marble.Client(server_of(server)), True)
         try:
-            self._session: Session = self._client.session(_without_noise(self.problem), options=given, reopen=reopen)
+            self._session: Session = self._client.session(self.problem, options=given, reopen=reopen)
         except BaseException:
             self._close_client()
             raise
@@ -330,21 +328,6 @@ def _overflow_of(field: str) -> Iterator[None]:
         yield
     except InvalidProblem as error:
         raise InvalidArgument(field, f"must leave the numbers of the LCQP finite ({error})") from None
-
-
-def _without_noise(problem: LCQP) -> LCQP:
-    """The problem to open a session with: the solver chooses its units by the sizes of these numbers, once.
-
-    In a robot's rest pose many constants are rounding errors. They would give their rows units far from the others',
-    in which later branches have no exact solution. Every step sends its numbers whole.
-    """
-    made: dict[str, Any] = {}
-    for matrix, constant in (("A", "b"), ("R", "r")):
-        M, v = getattr(problem, matrix), getattr(problem, constant)
-        least = _NOISE * max(np.abs(values).max(initial=0.0) for values in (M.data, v))
-        values, made[constant] = (np.where(np.abs(values) > least, values, 0.0) for values in (M.data, v))
-        made[matrix] = csc(values, M.indices, M.indptr, M.shape)
-    return problem.replaced(**made)
 
 
 def _check_system(lcs: Any) -> None:
