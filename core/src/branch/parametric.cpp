@@ -5,13 +5,8 @@
 
 #include "model/tuning.h"
 
-extern "C" void dgesv_(const int* n, const int* nrhs, double* a, const int* lda, int* pivots, double* b,
-                       const int* ldb, int* info);
-
 namespace marble {
 namespace {
-
-constexpr std::size_t square(Index n) { return static_cast<std::size_t>(n) * static_cast<std::size_t>(n); }
 
 // Number of responses to keep: those of all rows if they fit, otherwise enough for at least two candidates.
 double responses_kept(Index pairs, double rows) {
@@ -41,9 +36,8 @@ Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
       responses_(new double[static_cast<std::size_t>(capacity_) * rows_]),
       response_of_row_(rows_),
       displacement_(problem.variables()),
-      bordered_(new double[square(std::min(tuning::rows_apart, rows_))]),
-      right_side_(tuning::rows_apart),
-      pivots_(tuning::rows_apart) {
+      bordered_(std::min(tuning::rows_apart, rows_)),
+      right_side_(tuning::rows_apart) {
   keep_blas_to_one_thread();
   changed_.reserve(tuning::rows_apart + 2);  // direction() fails only beyond this size
 }
@@ -95,6 +89,7 @@ void Parametric::reset() {
   value_ = start_value_;
   state_ = start_state_;
   changed_.clear();
+  bordered_.clear();
   objective_ = start_objective_;
   events_ = 0;
   if (used_ + tuning::rows_apart > capacity_ && capacity_ < rows_) {  // space for at least one candidate
@@ -106,8 +101,7 @@ void Parametric::reset() {
 // A force f along row j adds f·e_j to the right-hand side. A slack θ in an active row, u + ν/ρ = θ, adds
 // ρθ·e_j.
 const double* Parametric::response(Index row) {
-  if (response_of_row_[row] >= 0)
-    return responses_.get() + static_cast<std::size_t>(response_of_row_[row]) * rows_;
+  if (response_of_row_[row] >= 0) return kept_response(row);
   if (used_ == capacity_) return nullptr;
   const RowMatrix& matrix = problem_.rows;
   const auto begin = static_cast<std::size_t>(matrix.row_pointers[row]);
@@ -138,37 +132,33 @@ bool Parametric::direction(Index prescribed, double prescribed_rate, Index drive
 bool Parametric::direction(const double* fixed_part, double fixed_rate, Index driven) {
   const int count = static_cast<int>(changed_.size());
   if (count > tuning::rows_apart || kkt_.interrupt().requested()) return false;
-  for (int b = 0; b < count; ++b) {
-    const double* column = response(changed_[b].row);
-    if (column == nullptr) return false;
-    for (int a = 0; a < count; ++a) bordered_[b * count + a] = column[changed_[a].row];
+  while (bordered_.size() < count) {
+    const Index last = bordered_.size();
+    const Index row = changed_[last].row;
+    if (response(row) == nullptr) return false;
+    bordered_.append([&](Index a, Index b) {
+      const double own = a == b && !start_.held[row] ? 1.0 / rho_ : 0.0;
+      return kept_response(changed_[b].row)[changed_[a].row] + own;
+    });
   }
+  auto rate = right_side_.head(count);
   for (int a = 0; a < count; ++a) {
     const Index row = changed_[a].row;
-    if (!start_.held[row]) bordered_[a * count + a] += 1.0 / rho_;
-    right_side_[a] =
-        (row == driven ? -1.0 : 0.0) - (fixed_part == nullptr ? 0.0 : fixed_rate * fixed_part[row]);
+    rate[a] = (row == driven ? -1.0 : 0.0) - (fixed_part == nullptr ? 0.0 : fixed_rate * fixed_part[row]);
   }
-  if (count > 0) {
-    const int one = 1;
-    int info = 0;
-    dgesv_(&count, &one, bordered_.get(), &count, pivots_.data(), right_side_.data(), &count, &info);
-    if (info != 0) return false;
-  }
+  if (!bordered_.solve(rate)) return false;
   if (fixed_part != nullptr) {
     value_rate_ = fixed_rate * Eigen::Map<const Vector>(fixed_part, rows_);
   } else {
     value_rate_.setZero();
   }
   for (int a = 0; a < count; ++a) {
-    changed_[a].rate = right_side_[a];
-    if (!std::isfinite(right_side_[a])) return false;
+    changed_[a].rate = rate[a];
+    if (!std::isfinite(rate[a])) return false;
   }
   const auto column = [this](int a) {
-    return Eigen::Map<const Vector>(
-        responses_.get() + static_cast<std::size_t>(response_of_row_[changed_[a].row]) * rows_, rows_);
+    return Eigen::Map<const Vector>(kept_response(changed_[a].row), rows_);
   };
-  const double* rate = right_side_.data();
   int a = 0;
   for (; a + 4 <= count; a += 4) {  // four at a time: the sum is limited by memory bandwidth
     value_rate_ += rate[a] * column(a) + rate[a + 1] * column(a + 1) + rate[a + 2] * column(a + 2) +
@@ -184,16 +174,25 @@ Index Parametric::first_event(double& length, Index driven) const {
   const double* value = value_.data();
   const double* rate = value_rate_.data();
   const RowState* state = state_.data();
-  for (Index i = 0; i < rows_; ++i) {
-    if (value[i] + length * rate[i] >= 0.0 || rate[i] >= -tuning::rounding || state[i].changed ||
-        state[i].fixed)
-      continue;
-    const double at = std::max(0.0, value[i]) / -rate[i];
-    if (at < length) {
-      length = at;
-      first = i;
+  const auto look = [&](Index begin, Index end) {
+    for (Index i = begin; i < end; ++i) {
+      if (value[i] + length * rate[i] >= 0.0 || rate[i] >= -tuning::rounding || state[i].changed ||
+          state[i].fixed)
+        continue;
+      const double at = std::max(0.0, value[i]) / -rate[i];
+      if (at < length) {
+        length = at;
+        first = i;
+      }
     }
+  };
+  constexpr Index group = 8;  // few groups have a row that changes sign
+  Index i = 0;
+  for (; i + group <= rows_; i += group) {
+    const Eigen::Map<const Eigen::Array<double, group, 1>> values(value + i), rates(rate + i);
+    if ((values + length * rates).minCoeff() < 0.0) look(i, i + group);
   }
+  look(i, rows_);
   for (const Changed& changed : changed_) {
     if (changed.row == driven || state[changed.row].fixed || changed.rate >= -tuning::rounding) continue;
     const double at = std::max(0.0, changed.value) / -changed.rate;
@@ -216,11 +215,21 @@ std::size_t Parametric::find(Index row) const {
   return k;
 }
 
+void Parametric::unchange(std::size_t k) {
+  if (bordered_.size() == std::ssize(changed_)) {
+    bordered_.remove(static_cast<Index>(k));
+  } else {
+    bordered_.clear();  // rows were added after the last direction: rare
+  }
+  changed_[k] = changed_.back();
+  changed_.pop_back();
+}
+
 void Parametric::toggle(Index row) {
   ++events_;
   value_[row] = 0.0;
   if (state_[row].changed) {
-    changed_.erase(changed_.begin() + static_cast<std::ptrdiff_t>(find(row)));
+    unchange(find(row));
   } else {
     changed_.push_back({row, 0.0});
   }
@@ -264,7 +273,7 @@ bool Parametric::drive(Index row, double limit) {
   if (prescribed) {
     const std::size_t k = find(row);
     slack = changed_[k].value;
-    changed_.erase(changed_.begin() + static_cast<std::ptrdiff_t>(k));
+    unchange(k);
   } else {
     slack = std::max(0.0, value_[row]);
     changed_.push_back({row, 0.0});

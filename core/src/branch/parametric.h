@@ -17,6 +17,7 @@
 #include <span>
 #include <vector>
 
+#include "branch/bordered_inverse.h"
 #include "branch/elastic_relaxation.h"
 
 namespace marble {
@@ -81,11 +82,15 @@ class Parametric {
   void read_values(const BranchPoint& point, Vector& values) const;
   void reset();
   [[nodiscard]] const double* response(Index row);
+  [[nodiscard]] const double* kept_response(Index row) const {
+    return responses_.get() + static_cast<std::size_t>(response_of_row_[row]) * rows_;
+  }
   [[nodiscard]] bool direction(Index prescribed, double prescribed_rate, Index driven);
   [[nodiscard]] bool direction(const double* fixed_part, double fixed_rate, Index driven);
   [[nodiscard]] Index first_event(double& length, Index driven) const;
   void advance(double length);
   void toggle(Index row);
+  void unchange(std::size_t k);
   [[nodiscard]] bool release(Index row);
   [[nodiscard]] bool drive(Index row, double limit);
   [[nodiscard]] std::size_t find(Index row) const;
@@ -109,9 +114,8 @@ class Parametric {
   std::unique_ptr<double[]> responses_;
   std::vector<Index> response_of_row_;
   Vector displacement_;
-  std::unique_ptr<double[]> bordered_;  // written before it is read, so not initialized
-  std::vector<double> right_side_;
-  std::vector<int> pivots_;
+  BorderedInverse bordered_;  // of the changed rows, as far as directions were computed
+  Vector right_side_;
 };
 
 }  // namespace marble
