@@ -1,9 +1,5 @@
 #include "service/admission.h"
 
-#include <google/protobuf/io/coded_stream.h>
-#include <google/protobuf/wire_format_lite.h>
-#include <grpcpp/support/proto_buffer_reader.h>
-
 #include <algorithm>
 #include <bit>
 #include <utility>
@@ -15,6 +11,7 @@
 #include "marble/convert.h"
 #include "service/coupled_work.h"
 #include "service/scenario_work.h"
+#include "service/solve_head.h"
 
 namespace marble::server {
 namespace {
@@ -185,8 +182,8 @@ int work_class_of(std::int64_t bytes, const Options& options) {
   return 128 * bits(starts) + 2 * bits(bytes) + (options.global_search ? 1 : 0);
 }
 
-// Makes the job without its record and its work.
-std::shared_ptr<Job> job_of(const Caller& caller, const Quota& quota, const v1::SolveRequest& message,
+// Makes the job of a request of so many bytes, without its record and its work.
+std::shared_ptr<Job> job_of(const Caller& caller, const Quota& quota, std::int64_t bytes,
                             const Common& common) {
   auto job = std::make_shared<Job>();
   if (caller.earlier) {
@@ -197,43 +194,11 @@ std::shared_ptr<Job> job_of(const Caller& caller, const Quota& quota, const v1::
                  .priority = common.priority,
                  .deadline = caller.deadline,
                  .arrival = Clock::now(),
-                 .bytes = static_cast<std::int64_t>(message.ByteSizeLong())};
-  job->ticket.work_class = work_class_of(job->ticket.bytes, common.options);
+                 .bytes = bytes};
+  job->ticket.work_class = work_class_of(bytes, common.options);
   job->quota = quota;
   job->time_limit_s = common.options.time_limit_s;
   return job;
-}
-
-// Reads the fields of a request that decide how it is scheduled, and skips the others, such as the problem.
-// False if that is not possible in a few bytes.
-bool parse_head(const grpc::ByteBuffer& request, v1::SolveRequest* head) {
-  constexpr std::uint32_t kMostBytes = 4096;  // of a field
-  using Wire = google::protobuf::internal::WireFormatLite;
-  grpc::ProtoBufferReader reader(const_cast<grpc::ByteBuffer*>(&request));  // which it does not change
-  google::protobuf::io::CodedInputStream stream(&reader);
-  while (const std::uint32_t tag = stream.ReadTag()) {
-    const int number = Wire::GetTagFieldNumber(tag);
-    const bool is_text = Wire::GetTagWireType(tag) == Wire::WIRETYPE_LENGTH_DELIMITED;
-    std::uint32_t value = 0;
-    std::string bytes;
-    if (is_text && (number == v1::SolveRequest::kOptionsFieldNumber ||
-                    number == v1::SolveRequest::kRequestIdFieldNumber)) {
-      if (!stream.ReadVarint32(&value) || value > kMostBytes ||
-          !stream.ReadString(&bytes, static_cast<int>(value)))
-        return false;
-      if (number == v1::SolveRequest::kRequestIdFieldNumber) {
-        head->set_request_id(std::move(bytes));
-      } else if (head->has_options() || !head->mutable_options()->ParseFromString(bytes)) {
-        return false;
-      }
-    } else if (number == v1::SolveRequest::kPriorityFieldNumber && !is_text) {
-      if (!stream.ReadVarint32(&value)) return false;
-      head->set_priority(static_cast<v1::Priority>(value));
-    } else if (!Wire::SkipField(&stream, tag)) {
-      return false;
-    }
-  }
-  return stream.ConsumedEntireMessage();
 }
 
 }  // namespace
@@ -294,6 +259,7 @@ Expected<void> check_progress(double interval_s, std::int32_t iterate_every) {
 Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller& caller, JobKind kind,
                                         std::shared_ptr<const v1::SolveRequest> message) {
   const Quota quota = parts.access.quota_of(caller.identity.client);
+  const auto bytes = static_cast<std::int64_t>(message->ByteSizeLong());
   if (kind == JobKind::solve && message->has_scenarios()) kind = JobKind::scenarios;
   if (kind == JobKind::solve && message->has_coupled()) kind = JobKind::coupled;
   if (has_blocks(*message)) {
@@ -301,14 +267,14 @@ Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller&
     if (!common) return unexpected(common.error());
     const auto sizes = check_blocks(parts.config, *message);
     if (!sizes) return unexpected(sizes.error());
-    auto job = job_of(caller, quota, *message, *common);
+    auto job = job_of(caller, quota, bytes, *common);
     job->record = make_record(parts, caller, kind, *message, *common, *sizes);
     auto set = set_coupled_work(parts.config, std::move(message), common->options, *job);
     return set ? Expected<std::shared_ptr<Job>>(std::move(job)) : unexpected(set.error());
   }
   auto checked = check(parts, caller, quota, kind, *message);
   if (!checked) return unexpected(checked.error());
-  auto job = job_of(caller, quota, *message, {checked->options, checked->priority});
+  auto job = job_of(caller, quota, bytes, {checked->options, checked->priority});
   job->record = checked->record;
   if (checked->sensitivity) job->ticket.bytes += checked->sensitivity->bytes;
   if (message->has_scenarios() || message->has_coupled()) {
@@ -334,18 +300,15 @@ Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller&
 }
 
 Expected<void> refuse_early(const ServiceParts& parts, const Caller& caller, const grpc::ByteBuffer& request,
-                            Origin& origin) {
+                            Origin& origin, int field) {
   if (caller.deadline == Clock::time_point::max() || parts.scheduler.free_workers() > 0) return {};
-  v1::SolveRequest head;
-  if (!parse_head(request, &head)) return {};
+  const auto head = read_head(request, field);
+  if (!head) return {};
   const Quota quota = parts.access.quota_of(caller.identity.client);
-  const auto common = check_common(parts, quota, JobKind::solve, head);
+  const auto common = check_common(parts, quota, JobKind::solve, head->fields);
   if (!common) return {};
-  auto job = job_of(caller, quota, head, *common);
-  job->ticket.bytes = static_cast<std::int64_t>(request.Length());
-  job->ticket.work_class = work_class_of(job->ticket.bytes, common->options);
-  origin.request_id = head.request_id();
-  return parts.scheduler.may_enter(job);
+  origin.request_id = head->fields.request_id();
+  return parts.scheduler.may_enter(job_of(caller, quota, head->bytes, *common));
 }
 
 void note_refusal(const ServiceParts& parts, const Origin& origin, const Error& error) {

@@ -77,12 +77,12 @@ struct CheckedArray {
                                                       JobKind kind,
                                                       std::shared_ptr<const v1::SolveRequest> request);
 
-/// Refuses a request, of which only the fields that count for it are read, if the scheduler would refuse its
-/// job anyway: parsing and checking it takes many times as long, which a server with too much to do has not.
-/// Reads nothing while a worker is free, or of a call without a deadline. Records the request's id in the
-/// origin. Errors: those of Scheduler::admit().
+/// Refuses a request, of which only the head is read, if the scheduler would refuse its job anyway: parsing
+/// and checking the whole request takes many times as long, which a server with too much to do has not.
+/// Reads nothing while a worker is free, or of a call without a deadline. `field`: see read_head(). Records
+/// the request's id in the origin. Errors: those of Scheduler::admit().
 [[nodiscard]] Expected<void> refuse_early(const ServiceParts& parts, const Caller& caller,
-                                          const grpc::ByteBuffer& request, Origin& origin);
+                                          const grpc::ByteBuffer& request, Origin& origin, int field = 0);
 
 /// Counts and logs a request that does not become a job.
 void note_refusal(const ServiceParts& parts, const Origin& origin, const Error& error);
