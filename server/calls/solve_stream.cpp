@@ -30,6 +30,9 @@ Expected<void> SolveStreamCall::admit(const grpc::ByteBuffer* bytes,
                                       const grpc::CallbackServerContext& context, Origin& origin, Made made) {
   const auto caller = caller_of(parts_, context, origin, Role::solve);
   if (!caller) return unexpected(caller.error());
+  if (auto room = refuse_early(parts_, *caller, *bytes, origin, v1::SolveStreamRequest::kSolveFieldNumber);
+      !room)
+    return room;
   v1::SolveStreamRequest request;
   if (auto parsed = parse(bytes, &request); !parsed) return parsed;
   origin.request_id = request.solve().request_id();

@@ -1,5 +1,7 @@
 // Limits: a full queue, deadlines in the queue and mid-solve, messages beyond their size.
+#include <functional>
 #include <limits>
+#include <optional>
 
 #include "service_test.h"
 
@@ -42,28 +44,39 @@ TEST_F(Limits, ARequestThatCannotEndInTimeIsRefusedBeforeItsProblemIsRead) {
   using std::chrono_literals::operator""ms;
   start({"--workers", "1"});
   v1::SolveRequest bad = example_request();
-  bad.mutable_problem()->set_gradient(0, std::numeric_limits<double>::quiet_NaN());
-  bad.set_request_id("hasty");
-  v1::SolveResponse response;
-  Stream running(solver(), long_request());
-  ASSERT_TRUE(running.read_until(Event::kStarted));
-  EXPECT_EQ(solve(bad, &response).error_code(), grpc::StatusCode::INVALID_ARGUMENT) << "it has time";
-  grpc::Status refused;
-  ASSERT_TRUE(eventually([&] {  // once the other job has run for as long as this one has time
-    refused = solve(bad, &response, 500ms);
-    return refused.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
-  }));
-  EXPECT_NE(refused.error_message().find("deadline"), std::string::npos) << refused.error_message();
-  EXPECT_TRUE(retry_info(refused).has_value());
-  bad.set_priority(static_cast<v1::Priority>(7));  // what is read is checked
-  EXPECT_EQ(solve(bad, &response, 500ms).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-  bad.clear_priority();
-  bad.mutable_options()->set_max_iterations(-1);
-  EXPECT_EQ(solve(bad, &response, 500ms).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-  bad.clear_options();
-  running.cancel();
-  ASSERT_TRUE(eventually_idle());
-  EXPECT_EQ(solve(bad, &response, 10'000ms).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  const auto unary = [&](std::optional<std::chrono::milliseconds> deadline) {
+    v1::SolveResponse response;
+    return solve(bad, &response, deadline);
+  };
+  const auto streamed = [&](std::optional<std::chrono::milliseconds> deadline) {
+    Stream stream(solver(), bad, deadline);
+    EXPECT_TRUE(stream.drain().empty());
+    return stream.finish();
+  };
+  using Way = std::function<grpc::Status(std::optional<std::chrono::milliseconds>)>;
+  for (const Way& way : {Way(unary), Way(streamed)}) {
+    bad.mutable_problem()->set_gradient(0, std::numeric_limits<double>::quiet_NaN());
+    bad.set_request_id("hasty");
+    Stream running(solver(), long_request());
+    ASSERT_TRUE(running.read_until(Event::kStarted));
+    EXPECT_EQ(way(std::nullopt).error_code(), grpc::StatusCode::INVALID_ARGUMENT) << "it has time";
+    grpc::Status refused;
+    ASSERT_TRUE(eventually([&] {  // once the other job has run for as long as this one has time
+      refused = way(500ms);
+      return refused.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
+    }));
+    EXPECT_NE(refused.error_message().find("deadline"), std::string::npos) << refused.error_message();
+    EXPECT_TRUE(retry_info(refused).has_value());
+    bad.set_priority(static_cast<v1::Priority>(7));  // what is read is checked
+    EXPECT_EQ(way(500ms).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+    bad.clear_priority();
+    bad.mutable_options()->set_max_iterations(-1);
+    EXPECT_EQ(way(500ms).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+    bad.clear_options();
+    running.cancel();
+    ASSERT_TRUE(eventually_idle());
+    EXPECT_EQ(way(10'000ms).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  }
 }
 
 TEST_F(Limits, ARefusedStreamGetsTheSameStatusAndNoEvent) {
