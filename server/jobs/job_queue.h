@@ -94,14 +94,15 @@ class JobQueue {
     Line& line = owner.lines[at];
     if (line.empty()) owner.turns[at] = turns_[at].insert(turns_[at].end(), &owner);
     const Key key{std::min(ticket.deadline, ticket.arrival + limits_.patience), next_number_++};
-    Known& taken = tickets_.emplace(item.get(), Known{ticket, &owner, key, false, 0}).first->second;
+    Known& taken = tickets_.emplace(item.get(), Known{ticket, &owner, key, false, {}}).first->second;
     if (ticket.deadline != Time::max()) deadlines_.emplace(latest_begin(ticket), item.get());
-    const auto place = line.emplace(key, std::move(item)).first;
+    const auto place = line.emplace(key, Waiting{std::move(item), ticket.expected_run_s}).first;
     lengthen(at, line.size());
     work_s_[at] += ticket.expected_run_s;
+    owner.work_s[at] += ticket.expected_run_s;
     ++waiting_[at];
     if (ticket.may_preempt) ++preempting_[at];
-    taken.ahead = most_ahead(at, line, place);
+    taken.before = most_before(at, owner, place);
     return QueueRefusal::none;
   }
 
@@ -167,7 +168,7 @@ class JobQueue {
     const std::size_t at = choose_priority(now);
     if (at == kPriorities) return nullptr;
     const auto turn = find_turn(at);
-    return take(at, turn, tickets_.at((*turn)->lines[at].begin()->second.get()));
+    return take(at, turn, tickets_.at((*turn)->lines[at].begin()->second.item.get()));
   }
 
   /// Returns the next item of a priority above this one that may preempt and run, and marks it as running;
@@ -178,8 +179,8 @@ class JobQueue {
       for (auto turn = turns_[at].begin(); turn != turns_[at].end(); ++turn) {
         const Client& client = **turn;
         if (client.running >= client.quota.running) continue;
-        for (const auto& [key, item] : client.lines[at]) {
-          Known& known = tickets_.at(item.get());
+        for (const auto& [key, waiting] : client.lines[at]) {
+          Known& known = tickets_.at(waiting.item.get());
           if (known.ticket.may_preempt) return take(at, turn, known);
         }
       }
@@ -226,7 +227,7 @@ class JobQueue {
     return late;
   }
 
-  /// Computes for every waiting item how many of its priority will be taken before it if nothing arrives or
+  /// Computes for every waiting item which of its priority will be taken before it if nothing arrives or
   /// leaves, in one sweep over all items.
   void update_places() {
     for (std::size_t at = 0; at < kPriorities; ++at) {
@@ -234,8 +235,13 @@ class JobQueue {
       round.reserve(turns_[at].size());
       for (const Client* client : turns_[at])
         round.emplace_back(client->lines[at].begin(), &client->lines[at]);
-      for (std::size_t ahead = 0; !round.empty();) {
-        for (auto& [next, line] : round) tickets_.at((next++)->second.get()).ahead = ahead++;
+      for (Before before; !round.empty();) {
+        for (auto& [next, line] : round) {
+          const Waiting& waiting = (next++)->second;
+          tickets_.at(waiting.item.get()).before = before;
+          ++before.items;
+          before.work_s += waiting.run_s;
+        }
         std::erase_if(round, [](const auto& turn) { return turn.first == turn.second->end(); });
       }
     }
@@ -249,8 +255,17 @@ class JobQueue {
     if (found == tickets_.end() || found->second.running) return ahead;
     const auto own = static_cast<std::size_t>(found->second.ticket.priority);
     for (std::size_t at = 0; at < own; ++at) ahead[at] = waiting_[at];
-    ahead[own] = found->second.ahead;
+    ahead[own] = found->second.before.items;
     return ahead;
+  }
+  /// Returns the expected total run time of these items; 0 for an item that does not wait. Of one that
+  /// arrived after the last update_places(), it is exact for the items of its own client, and at their mean
+  /// for the others.
+  [[nodiscard]] double work_ahead_s(const Item* item) const {
+    const auto found = tickets_.find(item);
+    if (found == tickets_.end() || found->second.running) return 0.0;
+    const auto own = static_cast<std::ptrdiff_t>(found->second.ticket.priority);
+    return std::accumulate(work_s_.begin(), work_s_.begin() + own, found->second.before.work_s);
   }
 
   /// Calls `report` for every client in the queue with its name, and how much of it waits and runs.
@@ -288,7 +303,11 @@ class JobQueue {
 
  private:
   using Key = std::pair<Time, std::int64_t>;  // when the item is due, then the order of arrival
-  using Line = std::map<Key, std::shared_ptr<Item>>;
+  struct Waiting {
+    std::shared_ptr<Item> item;
+    double run_s;  // expected
+  };
+  using Line = std::map<Key, Waiting>;
   struct Client;
   using Turns = std::list<Client*>;
   struct Client {
@@ -297,14 +316,20 @@ class JobQueue {
     int places = 0;                    // places of arrays
     std::int64_t bytes = 0, held = 0;  // bytes: including held bytes
     std::array<Line, kPriorities> lines;
+    std::array<double, kPriorities> work_s = {};              // of the lines
     std::array<typename Turns::iterator, kPriorities> turns;  // of priorities with a non-empty line
+  };
+  // Those of an item's priority that are taken before it.
+  struct Before {
+    std::size_t items = 0;
+    double work_s = 0.0;
   };
   struct Known {
     Ticket ticket;
     Client* client;
     Key key;
     bool running;
-    std::size_t ahead;  // number of items of its priority before it
+    Before before;
   };
   using Tickets = std::map<const Item*, Known>;
   [[nodiscard]] auto find_turn(std::size_t at) const {
@@ -338,8 +363,9 @@ class JobQueue {
 
   // Upper bound: all others may have their turn first. Σ min(before + 1, length) over their lines, computed
   // from the nearer end.
-  [[nodiscard]] std::size_t most_ahead(std::size_t at, const Line& line,
-                                       typename Line::const_iterator place) const {
+  [[nodiscard]] Before most_before(std::size_t at, const Client& owner,
+                                   typename Line::const_iterator place) const {
+    const Line& line = owner.lines[at];
     const auto behind = static_cast<std::size_t>(std::distance(place, line.end())) - 1;
     const std::size_t before = line.size() - 1 - behind;
     const std::vector<std::size_t>& counts = at_least_[at];
@@ -350,7 +376,12 @@ class JobQueue {
       all = waiting_[at];
       for (std::size_t k = before + 1; k < counts.size(); ++k) all -= counts[k];
     }
-    return all - 1;
+    const double own_s =
+        std::accumulate(place, line.end(), owner.work_s[at],
+                        [](double left_s, const auto& entry) { return left_s - entry.second.run_s; });
+    const std::size_t others = waiting_[at] - line.size();
+    const double mean_s = others == 0 ? 0.0 : (work_s_[at] - owner.work_s[at]) / static_cast<double>(others);
+    return {all - 1, std::max(0.0, own_s) + mean_s * static_cast<double>(all - 1 - before)};
   }
 
   // Removes the item and its place in the line.
@@ -360,10 +391,11 @@ class JobQueue {
     Client& client = *known.client;
     Line& line = client.lines[at];
     const auto place = line.find(known.key);
-    std::shared_ptr<Item> item = std::move(place->second);
+    std::shared_ptr<Item> item = std::move(place->second.item);
     if (--at_least_[at][line.size() - 1] == 0 && line.size() == at_least_[at].size())
       at_least_[at].pop_back();
     line.erase(place);
+    client.work_s[at] = line.empty() ? 0.0 : client.work_s[at] - ticket.expected_run_s;
     if (line.empty()) turns_[at].erase(client.turns[at]);
     if (ticket.deadline != Time::max()) deadlines_.erase({latest_begin(ticket), item.get()});
     work_s_[at] = --waiting_[at] == 0 ? 0.0 : work_s_[at] - ticket.expected_run_s;

@@ -28,8 +28,7 @@ class RunEstimates {
 
   /// Records a job that ran to its end.
   void ran(const Key& key, double run_s, Time now) {
-    add(key, run_s, now);
-    add(everybody(key), run_s, now);
+    for (const Key& one : {key, everybody(key)}) add(one, run_s, now).old_after = kOld;
   }
   /// Records a job that was stopped after `run_s`: it is known only that it would have taken longer.
   void cut(const Key& key, double run_s, Time now) {
@@ -57,12 +56,16 @@ class RunEstimates {
   /// True if the estimate may be outdated, or there is none.
   [[nodiscard]] bool is_old(const Key& key, Time now) const {
     const auto known = estimates_.find(key);
-    return known == estimates_.end() || now - known->second.seen >= kOld;
+    return known == estimates_.end() || now - known->second.seen >= known->second.old_after;
   }
   /// One job runs against an old estimate, which then does not count as old for a while, for all others.
-  /// Without such tries, a single slow run would cause all later jobs to be refused forever.
+  /// Without such tries, a single slow run would cause all later jobs to be refused forever. Each try that
+  /// does not end confirms the estimate, and doubles the time until the next one.
   void tries(const Key& key, Time now) {
-    if (const auto known = estimates_.find(key); known != estimates_.end()) known->second.seen = now;
+    const auto known = estimates_.find(key);
+    if (known == estimates_.end()) return;
+    known->second.seen = now;
+    known->second.old_after = std::min(2 * known->second.old_after, kOldAtLast);
   }
 
   [[nodiscard]] std::size_t size() const { return estimates_.size(); }
@@ -70,12 +73,14 @@ class RunEstimates {
 
  private:
   static constexpr std::chrono::steady_clock::duration kOld = std::chrono::seconds(1);
+  static constexpr std::chrono::steady_clock::duration kOldAtLast = std::chrono::seconds(16);
   static constexpr double kNewest = 0.125, kNewestDeviation = 0.25;  // weights, those of RFC 6298
   static constexpr double kFarBelow = 0.25;                          // relative to the mean
 
   struct Estimate {
     double mean_s = 0.0, deviation_s = 0.0;
     Time seen;  // when a job last ended, or was tried against the estimate
+    Time::duration old_after = kOld;
   };
 
   [[nodiscard]] static Key everybody(const Key& key) { return {"", key.priority, key.work_class}; }
@@ -85,7 +90,7 @@ class RunEstimates {
     return known == estimates_.end() ? nullptr : &known->second;
   }
 
-  void add(const Key& key, double run_s, Time now) {
+  Estimate& add(const Key& key, double run_s, Time now) {
     const auto known = estimates_.find(key);
     if (known != estimates_.end()) {
       Estimate& estimate = known->second;
@@ -97,14 +102,14 @@ class RunEstimates {
         estimate.mean_s += kNewest * (run_s - estimate.mean_s);
       }
       estimate.seen = now;
-      return;
+      return estimate;
     }
     if (estimates_.size() >= kMost) {
       estimates_.erase(
           std::min_element(estimates_.begin(), estimates_.end(),
                            [](const auto& a, const auto& b) { return a.second.seen < b.second.seen; }));
     }
-    estimates_.emplace(key, Estimate{run_s, 0.5 * run_s, now});
+    return estimates_.emplace(key, Estimate{run_s, 0.5 * run_s, now}).first->second;
   }
 
   std::map<Key, Estimate> estimates_;

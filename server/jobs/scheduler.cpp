@@ -412,20 +412,11 @@ QueuePlace Scheduler::place(const Job& job) const {
   return place_of(job, busy_s());
 }
 
-// The jobs ahead, at the mean run time of what waits at their priorities, once a worker is free.
 QueuePlace Scheduler::place_of(const Job& job, const std::vector<double>& busy_s) const {
   if (!queue_.is_waiting(&job)) return {};
   const auto ahead = queue_.ahead_of(&job);
-  QueuePlace place;
-  double work_s = 0.0;
-  for (std::size_t at = 0; at < kPriorities; ++at) {
-    if (ahead[at] == 0) continue;
-    place.position += static_cast<int>(ahead[at]);
-    work_s += queue_.work_s()[at] * static_cast<double>(ahead[at]) /
-              static_cast<double>(queue_.waiting_by_priority()[at]);
-  }
-  place.estimated_wait_s = wait_s(static_cast<std::size_t>(place.position), work_s, busy_s);
-  return place;
+  const auto jobs = std::accumulate(ahead.begin(), ahead.end(), std::size_t{0});
+  return {static_cast<int>(jobs), wait_s(jobs, queue_.work_ahead_s(&job), busy_s)};
 }
 
 std::vector<double> Scheduler::busy_s() const {

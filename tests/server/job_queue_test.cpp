@@ -239,6 +239,34 @@ TEST(JobQueue, ReportsWhatIsAheadAsItWillBeTaken) {
     EXPECT_EQ(reported[static_cast<std::size_t>(order[place])], place) << "job " << order[place];
 }
 
+TEST(JobQueue, ReportsTheWorkAheadOfJobsOfAnySize) {
+  Queue queue(kWide);
+  const auto job = [](const char* client, double deadline_s, double run_s) {
+    return Ticket{.client = client, .deadline = at(deadline_s), .expected_run_s = run_s};
+  };
+  const auto large = add(queue, 0, job("a", 9, 4.0));
+  const auto other = add(queue, 1, job("a", 8, 2.0));
+  const auto small = add(queue, 2, job("a", 1, 0.25));
+  EXPECT_EQ(queue.work_ahead_s(small.get()), 0.0) << "none of the large ones, which are due later";
+  const auto middle = add(queue, 3, job("a", 5, 0.5));
+  EXPECT_EQ(queue.work_ahead_s(middle.get()), 0.25);
+  const auto last = add(queue, 4, job("a", 10, 1.0));
+  EXPECT_EQ(queue.work_ahead_s(last.get()), 6.75);
+  const auto guest = add(queue, 5, job("b", 1, 8.0));
+  EXPECT_DOUBLE_EQ(queue.work_ahead_s(guest.get()), 1.55) << "one of the first client's, at their mean";
+  const auto urgent = add(queue, 6, {.client = "c", .priority = Priority::realtime, .expected_run_s = 3.0});
+  EXPECT_DOUBLE_EQ(queue.work_ahead_s(guest.get()), 4.55);
+  ASSERT_EQ(queue.pop(), urgent);
+  EXPECT_EQ(queue.work_ahead_s(urgent.get()), 0.0) << "it runs";
+  queue.update_places();
+  EXPECT_EQ(queue.work_ahead_s(guest.get()), 0.25);
+  EXPECT_EQ(queue.work_ahead_s(middle.get()), 8.25);
+  EXPECT_EQ(queue.work_ahead_s(last.get()), 14.75);
+  ASSERT_TRUE(queue.remove(large.get()));
+  const auto later = add(queue, 7, job("a", 11, 1.0));
+  EXPECT_EQ(queue.work_ahead_s(later.get()), 3.75 + 8.0);
+}
+
 // An estimate for who has just come: exact of the last in line while all others have as many, never too low.
 TEST(JobQueue, ReportsOneThatHasJustComeNoLessThanWhatIsAhead) {
   std::mt19937 random(3);

@@ -68,7 +68,16 @@ TEST(RunEstimates, AnOldEstimateIsTriedAgainstOnceInAWhile) {
   EXPECT_TRUE(estimates.is_old(kPlanner, second(1.5)));
   estimates.tries(kPlanner, second(1.5));
   EXPECT_FALSE(estimates.is_old(kPlanner, second(1.6))) << "one is enough";
-  EXPECT_TRUE(estimates.is_old(kPlanner, second(3)));
+  EXPECT_FALSE(estimates.is_old(kPlanner, second(3.4))) << "twice as long after a try that did not end";
+  EXPECT_TRUE(estimates.is_old(kPlanner, second(3.5)));
+  estimates.tries(kPlanner, second(3.5));
+  EXPECT_FALSE(estimates.is_old(kPlanner, second(7.4)));
+  for (int k = 0; k < 100; ++k) estimates.tries(kPlanner, second(10));
+  EXPECT_TRUE(estimates.is_old(kPlanner, second(26))) << "never longer than 16 s";
+  estimates.cut(kPlanner, 70.0, second(26));
+  EXPECT_FALSE(estimates.is_old(kPlanner, second(41)));
+  estimates.ran(kPlanner, 0.01, second(41));
+  EXPECT_TRUE(estimates.is_old(kPlanner, second(42))) << "one has ended";
 }
 
 TEST(RunEstimates, AreBounded) {
