@@ -1,8 +1,10 @@
 #include <atomic>
 #include <cstdio>
 #include <thread>
+#include <utility>
 
 #include "bench.h"
+#include "control_loop.h"
 #include "marble/convert.h"
 #include "marble/examples.h"
 #include "parts.h"
@@ -12,7 +14,6 @@ namespace {
 
 constexpr int kTicks = 200;
 constexpr int kEqualTicks = 30;  // each waits for the whole queue
-constexpr std::chrono::milliseconds kPeriod{20};
 constexpr int kFlooders = 8;
 constexpr int kFloodSteps = 8;  // about ten milliseconds each
 constexpr int kLoopSteps = 20;
@@ -79,28 +80,12 @@ struct Ticks {
 };
 
 Ticks run(const std::string& address, v1::Priority priority, int flooders, int ticks_wanted) {
-  examples::HopperParameters parameters;
-  parameters.steps = kLoopSteps;
-  OwnedProblem problem = examples::hopper(parameters);
-  Session session(connect(address), setup_of(problem, priority), kName);
-  Solution plan = solution_of(session.solve({}));
+  ControlLoop loop(address, kLoopSteps, priority, kName);
   Flood others(address, flooders);
   const auto begin = Clock::now();
   const int answered_before = others.answers();
-  auto next = begin;
-  Ticks ticks;
-  for (int tick = 0; tick < ticks_wanted; ++tick) {
-    parameters = examples::advance(parameters, plan.z);
-    problem = examples::hopper(parameters);
-    const v1::SessionUpdate update = next_tick(problem, kLoopSteps);
-    next = std::max(next + kPeriod, Clock::now());
-    std::this_thread::sleep_until(next);
-    const auto sent = Clock::now();
-    const v1::Solution answer = session.solve(update);
-    ticks.latency_ms.push_back(ms_since(sent));
-    ticks.wrong += is_right(problem, answer) ? 0 : 1;
-    if (is_right(problem, answer)) plan = solution_of(answer);
-  }
+  ControlLoop::Steps steps = loop.run(ticks_wanted);
+  Ticks ticks{std::move(steps.latency_ms), steps.wrong};
   ticks.flood_per_s = 1e3 * (others.answers() - answered_before) / ms_since(begin);
   others.stop();
   ticks.flood_longest_ms = others.longest_ms();
@@ -125,7 +110,8 @@ void flood() {
       "streams, 2 problems "
       "ahead "
       "each, hoppers of %d steps; all clients of one name\n",
-      kTicks, kEqualTicks, kLoopSteps, static_cast<long long>(kPeriod.count()), kFlooders, kFloodSteps);
+      kTicks, kEqualTicks, kLoopSteps, static_cast<long long>(ControlLoop::kPeriod.count()), kFlooders,
+      kFloodSteps);
   std::printf("%-28s %35s %6s %23s\n", "", "tick, ms", "", "flood");
   std::printf("%-28s %8s %8s %8s %8s %6s %10s %12s\n", "", "median", "p90", "p99", "max", "wrong", "solves/s",
               "longest, ms");

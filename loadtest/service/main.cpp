@@ -14,7 +14,8 @@ namespace {
 constexpr const char* kUsage =
     "Measures the service over real connections to a server process of its own, and prints tables.\n"
     "Usage: service_bench [--findings FILE] [PART ...]\n"
-    "  PART             mpc, flood, idle, cost, remote, throughput, crowd, streaming or durable; all of "
+    "  PART             mpc, flood, beside, idle, cost, remote, throughput, crowd, streaming or durable; all "
+    "of "
     "them by default\n"
     "  --findings FILE  gets the ratios with their limits as JSON\n";
 
@@ -33,10 +34,16 @@ int main(int argc, char** argv) {
     findings = wanted[1];
     wanted.erase(wanted.begin(), wanted.begin() + 2);
   }
-  const std::pair<const char*, void (*)()> parts[] = {
-      {"mpc", bench::mpc},     {"flood", bench::flood},         {"idle", bench::idle},
-      {"cost", bench::cost},   {"remote", bench::remote},       {"throughput", bench::throughput},
-      {"crowd", bench::crowd}, {"streaming", bench::streaming}, {"durable", bench::durable}};
+  const std::pair<const char*, void (*)()> parts[] = {{"mpc", bench::mpc},
+                                                      {"flood", bench::flood},
+                                                      {"beside", bench::beside},
+                                                      {"idle", bench::idle},
+                                                      {"cost", bench::cost},
+                                                      {"remote", bench::remote},
+                                                      {"throughput", bench::throughput},
+                                                      {"crowd", bench::crowd},
+                                                      {"streaming", bench::streaming},
+                                                      {"durable", bench::durable}};
   for (const std::string& name : wanted) {
     if (std::ranges::none_of(parts, [&](const auto& part) { return name == part.first; })) {
       std::fprintf(stderr, "service_bench: there is no part '%s'\n", name.c_str());

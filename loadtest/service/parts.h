@@ -7,6 +7,9 @@ namespace marble::bench {
 void mpc();
 /// A control loop's steps while other clients flood the server.
 void flood();
+/// A control loop's steps beside long batch work of every kind, and the throughput of batch work beside
+/// steps.
+void beside();
 /// Idle sessions.
 void idle();
 /// The cost of metrics, logs, traces and watchers.
