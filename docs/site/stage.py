@@ -1,11 +1,12 @@
 """Lays out the folder from which Sphinx builds the site: all pages and pictures of the repository at their own paths,
-the pictures that the code of docs/learn and docs/gallery.md draws, and the pages of the reference that are made of tables and programs.
+the pictures that the code of docs/learn, docs/guides and docs/gallery.md draws, and the pages of the reference that are made of tables and programs.
 
 Usage: stage.py FOLDER BUILD_DIR    makes FOLDER/source or brings it up to date; BUILD_DIR has the programs and marble
 """
 
 import hashlib
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import pages
 import reference
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+DRAWS = re.compile(r"\.save(fig)?\(")
 PARTS = ("*.md", "*.svg", "*.png", "docs/_static/*", "docs/_templates/*")
 
 
@@ -51,8 +53,8 @@ def main():
     folder, build = (pathlib.Path(argument).resolve() for argument in sys.argv[1:])
     source = folder / "source"
     wanted = committed()
-    for page in [ROOT / "docs/gallery.md", *sorted(ROOT.glob("docs/learn/*.md"))]:
-        if list(pages.blocks(page.read_text(encoding="utf-8"))):
+    for page in [ROOT / "docs/gallery.md", *sorted(ROOT.glob("docs/learn/*.md")), *sorted(ROOT.glob("docs/guides/*.md"))]:
+        if any(DRAWS.search(body) for _, _, body in pages.blocks(page.read_text(encoding="utf-8"))):
             wanted |= pictures(page, folder, build)
     for name, path in wanted.items():
         copy(path, source / name)
