@@ -43,7 +43,7 @@ def main():
         path.relative_to(folder).as_posix() for path in folder.rglob("*.html") if "_static" not in path.parts)
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=folder))
     threading.Thread(target=server.serve_forever, daemon=True).start()
-    script, faults, runs = axe.read_text(encoding="utf-8"), [], 0
+    script, count, runs = axe.read_text(encoding="utf-8"), 0, 0
     for at, page in enumerate(pages):
         if page == "index.html":
             continue  # redirects
@@ -59,14 +59,16 @@ def main():
             runs += 1
             where = f"{page}, {width} px, {scheme}"
             needs = browser.run("return document.documentElement.scrollWidth")
-            if needs > width:
-                faults.append(f"{where}: is {needs} px wide")
+            faults = [f"{where}: is {needs} px wide"] if needs > width else []
             for fault in browser.driver.execute_async_script(AXE, page == "docs/index.html"):  # all have its navigation
                 faults.append(f"{where}: {fault['impact']}: {fault['id']}: {fault['nodes'][0]['target']} "
                               f"({len(fault['nodes'])}): {fault['nodes'][0]['failureSummary']!r}"[:400])
+            count += len(faults)
+            for line in faults:
+                print(line, flush=True)
     browser.close()
-    print("\n".join([*faults, f"{len(pages)} pages, {runs} runs of axe, {len(faults)} faults"]))
-    sys.exit(1 if faults else 0)
+    print(f"{len(pages)} pages, {runs} runs of axe, {count} faults")
+    sys.exit(1 if count else 0)
 
 
 main()
