@@ -1,4 +1,5 @@
-// Accessibility where furo's pages lack it: names of landmarks, the keyboard in what scrolls, and empty header cells.
+// Accessibility where furo's pages lack it: names of landmarks, levels of captions, the keyboard in what
+// scrolls, and empty header cells.
 "use strict";
 
 function scrollable() {
@@ -11,6 +12,7 @@ function scrollable() {
 addEventListener("DOMContentLoaded", () => {
   document.querySelector(".sidebar-drawer")?.setAttribute("aria-label", "Site");
   document.querySelector(".toc-drawer")?.setAttribute("aria-label", "On this page");
+  for (const caption of document.querySelectorAll('.caption[role="heading"]')) caption.setAttribute("aria-level", "2");
   for (const head of document.querySelectorAll("th")) {
     if (head.textContent.trim() || head.children.length > 1) continue;
     const cell = document.createElement("td");

@@ -16,7 +16,7 @@ sys.path.insert(0, str(ROOT / "tests/page"))
 sys.path.insert(0, str(ROOT / "tests/support"))
 SIZES = ((1440, 900), (390, 844))
 SAMPLES = [f"docs/{name}" for name in (
-    "index", "terms", "learn/index", "learn/first-lcqp", "guides/from-gurobi", "reference/python/Session",
+    "index", "guides", "terms", "learn/first-lcqp", "guides/from-gurobi", "reference/python/Session",
     "reference/cpp/options")] + ["search", "core/OPTIONS"]  # cards, tabs, code, tables, signatures
 AXE = """const done = arguments[1];
 axe.run(arguments[0] ? document : {exclude: [".sidebar-tree"]}, {resultTypes: ["violations"], preload: false})
