@@ -9,12 +9,10 @@
 #include "message/answer.h"
 #include "message/job_message.h"
 #include "message/request.h"
-#include "message/request_id.h"
 #include "message/status.h"
-#include "remote/coupled_request.h"
+#include "remote/composite_request.h"
 #include "remote/has_server.h"
 #include "remote/queue_wait.h"
-#include "remote/scenario_request.h"
 
 namespace marble {
 namespace {

@@ -3,11 +3,10 @@
 #include <algorithm>
 
 #include "connection/channel.h"
-#include "connection/credentials.h"
 #include "connection/patience.h"
 #include "connection/traceparent.h"
 #include "marble/contract.h"
-#include "printable.h"
+#include "message_text.h"
 
 namespace marble::client {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "marble/error.h"
-#include "printable.h"
+#include "message_text.h"
 
 namespace marble::client {
 

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include "marble/error.h"
+#include "marble/problem_file.h"
 
 namespace marble::client {
 
@@ -15,5 +17,8 @@ namespace marble::client {
 [[nodiscard]] std::string name_of_file(const std::string& path);
 
 [[nodiscard]] Error too_large_file();
+
+// Provides the JSON form of a problem file.
+[[nodiscard]] Expected<ProblemFile> parse_json_file(std::string_view content, const std::string& name);
 
 }  // namespace marble::client

@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "file/content.h"
-#include "file/json_file.h"
 #include "marble/convert.h"
 #include "marble/json_problem.h"
 #include "message_text.h"

@@ -1,6 +1,6 @@
 #include "marble/call_controls.h"
 
-#include "names.h"
+#include "message_text.h"
 
 namespace marble {
 

@@ -3,7 +3,7 @@
 #include "marble/convert.h"
 #include "marble/convert_scenarios.h"
 #include "message/status.h"
-#include "names.h"
+#include "message_text.h"
 
 namespace marble {
 

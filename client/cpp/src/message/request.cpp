@@ -4,7 +4,6 @@
 
 #include "marble/convert.h"
 #include "message_text.h"
-#include "printable.h"
 
 namespace marble::client {
 

@@ -1,22 +1,60 @@
 // Provides the smooth function of a reference method: θ and a term for each row, with bounds as its only
 // constraints. K. Murty, "Algorithms for NLP with nonlinear constraints" (lectures). With a row's value v,
 // its weight μ and its multiplier π:
-//
-//   equality, and G·H of a pair    πv + μv²
-//   inequality, and G and H        (max(0, π − 2μv)² − π²) / 4μ      penalty (π = 0) and alag
-//                                  −μ log v                          barrier; its equalities: weight 1/μ
 #pragma once
 
 #include <array>
 #include <optional>
+#include <span>
 #include <vector>
 
+#include "marble/problem.h"
 #include "nonlinear/curvature.h"
 #include "nonlinear/functions.h"
 #include "nonlinear/merit.h"
-#include "nonlinear/outer_products.h"
 
 namespace marble::nonlinear {
+
+// Provides the curvature that squares of rows contribute: Σ α aaᵀ + β bbᵀ + γ (abᵀ + baᵀ) of rows a, b of
+// sparse Jacobians; its upper triangle is added into a fixed pattern.
+class OuterProducts {
+ public:
+  /// Starts with the pattern of `upper`; add() extends it by the products of rows.
+  explicit OuterProducts(const SparseMatrix& upper);
+
+  /// Adds a product for each row of A, or of A and B if B is given, with as many rows. Call before close().
+  void add(const SparseMatrix& A, const SparseMatrix* B = nullptr);
+  void close();
+
+  /// Sets the values to those of `upper`; zero elsewhere.
+  void begin(const SparseMatrix& upper);
+  /// Adds the product of row i of the added part `part`, with the current A and B.
+  void take(std::size_t part, std::size_t i, const SparseMatrix& A, double alpha,
+            const SparseMatrix* B = nullptr, double beta = 0.0, double gamma = 0.0);
+
+  [[nodiscard]] const SparseMatrix& sum() const { return sum_; }
+
+ private:
+  struct Entry {
+    Index column;
+    Index a, b;  // of its value in A and B, or −1
+  };
+  struct Product {
+    std::vector<Entry> entries;    // by columns
+    std::vector<Index> positions;  // in the sum, for each two of the entries
+  };
+  [[nodiscard]] Index position(Index row, Index column) const;
+
+  std::vector<std::vector<Product>> parts_;
+  std::vector<std::vector<Index>> columns_;  // rows of each column, until it is closed
+  std::vector<Index> of_upper_;
+  SparseMatrix first_, sum_;
+};
+
+//
+//   equality, and G·H of a pair    πv + μv²
+//   inequality, and G and H        (max(0, π − 2μv)² − π²) / 4μ      penalty (π = 0) and alag
+//                                  −μ log v                          barrier; its equalities: weight 1/μ
 
 /// An error of a caller's function, passed through the loop as an exception.
 struct Refused {

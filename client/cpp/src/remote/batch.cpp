@@ -1,16 +1,197 @@
 #include "marble/batch.h"
 
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
 #include <new>
+#include <optional>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "connection/connection.h"
 #include "connection/patience.h"
 #include "connection/traceparent.h"
+#include "marble/error.h"
+#include "marble/v1/service.pb.h"
 #include "message/answer.h"
 #include "message/request.h"
 #include "message/status.h"
-#include "remote/batch_queue.h"
+#include "mutex.h"
 #include "remote/calls.h"
+
+namespace marble::client {
+
+// Holds the problems of a batch that must be sent or wait for their result, over a sequence of streams if
+// servers are lost.
+
+/// Is thread-safe: one thread puts, each stream has one thread that sends, and one thread receives results.
+/// Problems have their own numbers on the wire, because the caller's tags may be equal.
+class BatchQueue {
+ public:
+  using Request = std::shared_ptr<const v1::SolveBatchRequest>;
+  using Clock = std::chrono::steady_clock;
+
+  /// Adds a problem once the last one was sent. Returns false if no more are accepted.
+  [[nodiscard]] bool put(std::int64_t tag, v1::SolveBatchRequest request) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Records a problem that cannot be sent.
+  void refuse(std::int64_t tag, Error error) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Marks the end of the source.
+  void exhaust() ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// Returns the number of the next stream, which first sends everything without a result, then new problems.
+  [[nodiscard]] int begin_stream() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Marks the end of that stream.
+  void end_stream() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Waits for the stream's next request; null at its end, or once all have results.
+  [[nodiscard]] Request next(int stream) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Ends all waits.
+  void close() ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool is_closed() ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// Marks a problem as done and returns its tag; nothing if it is done already.
+  [[nodiscard]] std::optional<std::int64_t> answered(std::int64_t number) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Schedules a problem for another send, on the same stream not before this time.
+  void send_again(std::int64_t number, Clock::time_point when) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool done() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Returns the problems that could not be sent since the last call.
+  [[nodiscard]] std::vector<std::pair<std::int64_t, Error>> refused() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Returns the tags of all problems without a result, at the end.
+  [[nodiscard]] std::vector<std::int64_t> unanswered() ABSL_LOCKS_EXCLUDED(mutex_);
+
+ private:
+  struct Open {
+    std::int64_t tag = 0;
+    Request request;
+  };
+
+  Mutex mutex_;
+  Condition changed_;
+  std::map<std::int64_t, Open> open_ ABSL_GUARDED_BY(mutex_);  // by number
+  std::deque<std::int64_t> due_ ABSL_GUARDED_BY(mutex_);       // numbers to be sent, the new one last
+  std::multimap<Clock::time_point, std::int64_t> later_ ABSL_GUARDED_BY(mutex_);
+  std::vector<std::pair<std::int64_t, Error>> refused_ ABSL_GUARDED_BY(mutex_);
+  std::int64_t numbers_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::int64_t sent_ ABSL_GUARDED_BY(mutex_) = 0;  // numbers sent at least once
+  int stream_ ABSL_GUARDED_BY(mutex_) = 0;
+  bool is_open_ ABSL_GUARDED_BY(mutex_) = false;  // whether the stream is open
+  bool exhausted_ ABSL_GUARDED_BY(mutex_) = false;
+  bool closed_ ABSL_GUARDED_BY(mutex_) = false;
+};
+
+bool BatchQueue::put(std::int64_t tag, v1::SolveBatchRequest request) {
+  const MutexLock lock(mutex_);
+  const std::int64_t number = numbers_++;
+  request.set_tag(number);
+  open_.emplace(number, Open{tag, std::make_shared<const v1::SolveBatchRequest>(std::move(request))});
+  due_.push_back(number);
+  changed_.notify_all();
+  while (!closed_ && sent_ <= number) changed_.wait(mutex_);
+  return !closed_;
+}
+
+void BatchQueue::refuse(std::int64_t tag, Error error) {
+  const MutexLock lock(mutex_);
+  refused_.emplace_back(tag, std::move(error));
+}
+
+void BatchQueue::exhaust() {
+  const MutexLock lock(mutex_);
+  exhausted_ = true;
+  changed_.notify_all();
+}
+
+int BatchQueue::begin_stream() {
+  const MutexLock lock(mutex_);
+  due_.clear();
+  later_.clear();
+  for (const auto& [number, one] : open_) due_.push_back(number);
+  is_open_ = true;
+  changed_.notify_all();
+  return ++stream_;
+}
+
+void BatchQueue::end_stream() {
+  const MutexLock lock(mutex_);
+  is_open_ = false;
+  changed_.notify_all();
+}
+
+BatchQueue::Request BatchQueue::next(int stream) {
+  const MutexLock lock(mutex_);
+  while (!closed_ && is_open_ && stream == stream_ && !(exhausted_ && open_.empty())) {
+    for (const auto now = Clock::now(); !later_.empty() && later_.begin()->first <= now;) {
+      due_.push_back(later_.begin()->second);
+      later_.erase(later_.begin());
+    }
+    while (!due_.empty()) {
+      const std::int64_t number = due_.front();
+      due_.pop_front();
+      const auto found = open_.find(number);
+      if (found == open_.end()) continue;
+      sent_ = std::max(sent_, number + 1);
+      changed_.notify_all();
+      return found->second.request;
+    }
+    if (later_.empty()) {
+      changed_.wait(mutex_);
+    } else {
+      const Clock::time_point end = later_.begin()->first;  // the entry may be gone by then
+      changed_.wait_until(mutex_, end);
+    }
+  }
+  return nullptr;
+}
+
+void BatchQueue::close() {
+  const MutexLock lock(mutex_);
+  closed_ = true;
+  changed_.notify_all();
+}
+
+bool BatchQueue::is_closed() {
+  const MutexLock lock(mutex_);
+  return closed_;
+}
+
+std::optional<std::int64_t> BatchQueue::answered(std::int64_t number) {
+  const MutexLock lock(mutex_);
+  const auto found = open_.find(number);
+  if (found == open_.end()) return std::nullopt;
+  const std::int64_t tag = found->second.tag;
+  open_.erase(found);
+  changed_.notify_all();
+  return tag;
+}
+
+void BatchQueue::send_again(std::int64_t number, Clock::time_point when) {
+  const MutexLock lock(mutex_);
+  if (open_.find(number) == open_.end()) return;
+  later_.emplace(when, number);
+  changed_.notify_all();
+}
+
+bool BatchQueue::done() {
+  const MutexLock lock(mutex_);
+  return exhausted_ && open_.empty();
+}
+
+std::vector<std::pair<std::int64_t, Error>> BatchQueue::refused() {
+  const MutexLock lock(mutex_);
+  return std::exchange(refused_, {});
+}
+
+std::vector<std::int64_t> BatchQueue::unanswered() {
+  const MutexLock lock(mutex_);
+  std::vector<std::int64_t> tags;
+  for (const auto& [number, one] : open_) tags.push_back(one.tag);
+  return tags;
+}
+
+}  // namespace marble::client
 
 namespace marble {
 namespace {

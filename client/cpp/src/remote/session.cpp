@@ -12,7 +12,6 @@
 #include "connection/traceparent.h"
 #include "marble/warm_solver.h"
 #include "message/answer.h"
-#include "message/session_memory.h"
 #include "message/session_request.h"
 #include "message/status.h"
 #include "mutex.h"
