@@ -4,7 +4,7 @@
 #include <sstream>
 #include <string_view>
 
-#include "ampl/nonlinear_settings.h"
+#include "ampl/nonlinear.h"
 #include "base/option_text.h"
 #include "marble/contract.h"
 

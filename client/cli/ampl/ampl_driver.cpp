@@ -8,8 +8,7 @@
 #include <iterator>
 
 #include "ampl/ampl_command_line.h"
-#include "ampl/nonlinear_report.h"
-#include "ampl/nonlinear_solve.h"
+#include "ampl/nonlinear.h"
 #include "arguments/server_arguments.h"
 #include "base/atomic_file.h"
 #include "base/complaint.h"

@@ -1,5 +1,6 @@
 #include <cstdio>
 #include <iostream>
+#include <nlohmann/json.hpp>
 
 #include "arguments/server_arguments.h"
 #include "base/exit_code.h"
@@ -25,7 +26,7 @@ Json to_json(const ServerArguments& arguments, const ServerInfo& info) {
   return json;
 }
 
-int run(const ServerArguments& arguments) {
+int print_info(const ServerArguments& arguments) {
   const auto client = connect(arguments);
   if (!client) return server_fails(arguments, client.error());
   const auto info = client->info();
@@ -49,7 +50,32 @@ void add_info(CLI::App& program, int& exit_code) {
   CLI::App* command =
       program.add_subcommand("info", "Print a server's version, workers, limits and counters");
   command->callback(
-      [arguments = add_server_arguments(*command), &exit_code] { exit_code = run(*arguments); });
+      [arguments = add_server_arguments(*command), &exit_code] { exit_code = print_info(*arguments); });
+}
+
+namespace {
+
+int check_health(const ServerArguments& arguments) {
+  const auto client = connect(arguments);
+  if (!client) return server_fails(arguments, client.error());
+  const auto healthy = client->healthy();
+  if (!healthy) return server_fails(arguments, healthy.error());
+  const char* state = *healthy ? "serving" : "not_serving";
+  if (arguments.json()) {
+    std::cout << line({{"server", arguments.server}, {"status", state}}) << '\n';
+  } else {
+    std::cout << state << '\n';
+  }
+  return *healthy ? kAllSolved : kUnreachable;
+}
+
+}  // namespace
+
+void add_health(CLI::App& program, int& exit_code) {
+  CLI::App* command = program.add_subcommand(
+      "health", "Check whether a server accepts jobs: exits with 0 if it does, with 3 if not");
+  command->callback(
+      [arguments = add_server_arguments(*command), &exit_code] { exit_code = check_health(*arguments); });
 }
 
 }  // namespace marble::cli

@@ -13,8 +13,7 @@
 #include "commands/commands.h"
 #include "output/convergence.h"
 #include "output/trace_file.h"
-#include "output/trace_picture.h"
-#include "terminal/locale.h"
+#include "terminal/line.h"
 #include "terminal/terminal_plot.h"
 
 namespace marble::cli {

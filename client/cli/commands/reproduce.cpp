@@ -12,10 +12,8 @@
 #include "marble/examples.h"
 #include "marble/macmpec.h"
 #include "marble/published_examples.h"
-#include "research/aladin_figures.h"
 #include "research/comparison_arguments.h"
-#include "research/retractions.h"
-#include "research/retrospective_levels.h"
+#include "research/reproductions.h"
 
 namespace marble::cli {
 namespace {

@@ -4,9 +4,7 @@
 #include <memory>
 #include <optional>
 
-#include "ampl/nonlinear_report.h"
-#include "ampl/nonlinear_settings.h"
-#include "ampl/nonlinear_solve.h"
+#include "ampl/nonlinear.h"
 #include "arguments/solve_arguments.h"
 #include "base/complaint.h"
 #include "base/exit_code.h"

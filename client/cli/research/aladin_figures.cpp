@@ -1,11 +1,10 @@
-#include "research/aladin_figures.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "marble/composite/counter_random.h"
 #include "marble/research/methods.h"
+#include "research/reproductions.h"
 
 namespace marble::cli {
 namespace {

@@ -1,10 +1,9 @@
-#include "research/retractions.h"
-
 #include <algorithm>
 #include <cmath>
 
 #include "base/median.h"
 #include "output/text_table.h"
+#include "research/reproductions.h"
 
 namespace marble::cli {
 namespace {

@@ -1,8 +1,13 @@
 #include "terminal/line.h"
 
+#include <langinfo.h>
 #include <wchar.h>
 
 #include <algorithm>
+#include <clocale>
+#include <cstdlib>
+#include <cstring>
+#include <string>
 
 #include "plain_text.h"
 
@@ -119,6 +124,27 @@ Lines wrapped(std::string_view text, int width, std::size_t most, Style style) {
 
 void append(Lines& lines, Lines more) {
   for (Line& line : more) lines.push_back(std::move(line));
+}
+
+namespace {
+
+bool names_utf8(const char* locale) {
+  return strcasestr(locale, "utf-8") != nullptr || strcasestr(locale, "utf8") != nullptr;
+}
+
+const char* asked_for() {
+  for (const char* variable : {"LC_ALL", "LC_CTYPE", "LANG"}) {
+    const char* value = std::getenv(variable);
+    if (value != nullptr && *value != '\0') return value;
+  }
+  return "";
+}
+
+}  // namespace
+
+bool set_terminal_locale() {
+  if (std::setlocale(LC_CTYPE, "") == nullptr && names_utf8(asked_for())) std::setlocale(LC_CTYPE, "C.UTF-8");
+  return std::strcmp(nl_langinfo(CODESET), "UTF-8") == 0;
 }
 
 }  // namespace marble::cli

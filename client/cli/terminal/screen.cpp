@@ -12,7 +12,7 @@
 #include <cstdlib>
 #include <optional>
 
-#include "terminal/locale.h"
+#include "terminal/line.h"
 
 namespace marble::cli {
 namespace {

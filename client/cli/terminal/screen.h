@@ -2,12 +2,20 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
-#include "terminal/key.h"
 #include "terminal/line.h"
 
 namespace marble::cli {
+
+// Describes a pressed key.
+enum class KeyName { text, up, down, page_up, page_down, home, end, enter, escape, backspace };
+
+struct Key {
+  KeyName name = KeyName::text;
+  std::string text = {};  ///< for KeyName::text: one character, UTF-8
+};
 
 class Screen {
  public:

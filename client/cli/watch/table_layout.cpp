@@ -6,7 +6,7 @@
 #include "output/convergence.h"
 #include "output/job_report.h"
 #include "output/proof.h"
-#include "terminal/sparkline.h"
+#include "terminal/terminal_plot.h"
 #include "watch/layout.h"
 
 namespace marble::cli {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "terminal/key.h"
-#include "watch/job_table.h"
+#include "terminal/screen.h"
+#include "watch/model.h"
 
 namespace marble::cli {
 
