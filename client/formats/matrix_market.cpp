@@ -7,7 +7,6 @@
 #include <sstream>
 
 #include "file_bytes.h"
-#include "file_limits.h"
 #include "tables.h"
 
 namespace marble::formats {

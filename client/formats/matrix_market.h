@@ -16,7 +16,7 @@ namespace marble::formats {
 /// The contents of the files by the parts' names, such as "Q" for Q.mtx.
 using MatrixMarketParts = std::map<std::string, std::string, std::less<>>;
 
-/// The same for a folder's contents. Memory is proportional to their length (file_limits.h).
+/// The same for a folder's contents. Memory is proportional to their length (file_bytes.h).
 [[nodiscard]] Expected<ProblemFile> parse_matrix_market(const MatrixMarketParts& parts,
                                                         const std::string& name);
 

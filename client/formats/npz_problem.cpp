@@ -7,7 +7,6 @@
 #include <memory>
 
 #include "file_bytes.h"
-#include "file_limits.h"
 #include "npy.h"
 #include "tables.h"
 
@@ -184,10 +183,6 @@ class NpzWriter {
   Archive archive_;
   std::deque<std::string> arrays_;
 };
-
-}  // namespace
-
-namespace {
 
 // The bytes must outlive the reader.
 Expected<NpzReader> reader_of(std::string_view bytes) {

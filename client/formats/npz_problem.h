@@ -15,7 +15,7 @@
 namespace marble::formats {
 
 /// Errors name the array; not_found if the file cannot be read. Memory is proportional to the file's length
-/// (file_limits.h).
+/// (file_bytes.h).
 [[nodiscard]] Expected<ProblemFile> read_npz(const std::string& path, const std::string& name);
 /// The same for a file's bytes.
 [[nodiscard]] Expected<ProblemFile> parse_npz(std::string_view bytes, const std::string& name);

@@ -8,7 +8,7 @@
 #include <optional>
 #include <utility>
 
-#include "file_limits.h"
+#include "file_bytes.h"
 #include "nl/nl_segments.h"
 
 namespace marble::formats {

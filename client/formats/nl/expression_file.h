@@ -24,7 +24,7 @@ struct ExpressionFile {
 
 /// Accepts AMPL's numeric operators, except those that jump: abs, min, max and if are allowed. Errors name
 /// row or variable. Memory, including second derivatives, is proportional to the file's length
-/// (file_limits.h).
+/// (file_bytes.h).
 [[nodiscard]] Expected<ExpressionFile> read_expressions(std::string_view content, const NlNames& names);
 
 }  // namespace marble::formats

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "file_limits.h"
+#include "file_bytes.h"
 #include "nl/nl_segments.h"
 
 namespace marble::formats {

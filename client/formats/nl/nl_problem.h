@@ -45,7 +45,7 @@ struct NlProblem {
 /// variable. A maximum becomes the minimum of the negative. A condition refers to the bounds of its variable
 /// that its row names ("5 k i": k & 1 the lower, k & 2 the upper one); other bounds stay bounds. A condition
 /// on both adds two variables after the file's. Suffixes are ignored; the initial point is used. Memory is
-/// proportional to the file's length (file_limits.h).
+/// proportional to the file's length (file_bytes.h).
 [[nodiscard]] Expected<NlProblem> parse_nl_problem(std::string_view content, const std::string& name,
                                                    const NlNames& names = {});
 

@@ -4,6 +4,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <csignal>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -15,6 +16,26 @@
 #include "sensitivity.h"
 
 namespace marble::python {
+
+// Handles Ctrl-C while the solver runs on Python's main thread.
+
+/// During its lifetime SIGINT also requests a stop; Python's own handler then decides the consequence. Python
+/// itself would process the signal only after the solve. For the main thread; nested ones stop together.
+class CtrlC {
+ public:
+  explicit CtrlC(std::stop_source& source);
+  CtrlC(const CtrlC&) = delete;
+  CtrlC& operator=(const CtrlC&) = delete;
+  ~CtrlC();
+
+ private:
+  static void on_signal(int signal);
+
+  std::stop_source& source_;
+  CtrlC* below_;
+  struct sigaction previous_ = {};
+  bool installed_ = false;
+};
 
 /// A stop request that any thread may make to a running solve, and the solve's current activity.
 struct Stop {

@@ -8,8 +8,8 @@
 
 #include "answers.h"
 #include "arrays.h"
+#include "bindings.h"
 #include "call.h"
-#include "composite.h"
 #include "marble/composite/coupled_progress.h"
 #include "marble/composite/lifted_block.h"
 #include "marble/composite/segments.h"

@@ -1,4 +1,4 @@
-#include "lcs.h"
+#include "marble/lcs.h"
 
 #include <optional>
 #include <string>
@@ -6,8 +6,8 @@
 
 #include "answers.h"
 #include "arrays.h"
+#include "bindings.h"
 #include "call.h"
-#include "marble/lcs.h"
 
 namespace marble::python {
 namespace {

@@ -7,17 +7,13 @@
 
 #include "answers.h"
 #include "arrays.h"
+#include "bindings.h"
 #include "call.h"
-#include "composite.h"
-#include "ctrl_c.h"
-#include "lcs.h"
 #include "marble/composite/counter_random.h"
 #include "marble/options.h"
 #include "marble/solver.h"
 #include "marble/version.h"
 #include "marble/warm_solver.h"
-#include "nonlinear.h"
-#include "real_time.h"
 #include "sensitivity.h"
 #include "settings.h"
 

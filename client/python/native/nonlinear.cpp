@@ -1,5 +1,3 @@
-#include "nonlinear.h"
-
 #include <memory>
 #include <optional>
 #include <string>
@@ -8,6 +6,7 @@
 
 #include "answers.h"
 #include "arrays.h"
+#include "bindings.h"
 
 namespace marble::python {
 namespace {

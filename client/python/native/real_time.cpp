@@ -1,4 +1,4 @@
-#include "real_time.h"
+#include "marble/real_time.h"
 
 #include <pybind11/stl.h>
 
@@ -8,14 +8,13 @@
 
 #include "answers.h"
 #include "arrays.h"
-#include "marble/real_time.h"
-#include "nonlinear.h"
+#include "bindings.h"
 #include "settings.h"
 
 namespace marble::python {
 namespace {
 
-/// problem and open are as in nonlinear.h.
+/// problem and open are as in bindings.h.
 class RealTimeLoop {
  public:
   RealTimeLoop(const py::dict& problem, const py::dict& given, const py::dict& lcqp, const py::object& open) {

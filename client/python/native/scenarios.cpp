@@ -6,8 +6,8 @@
 
 #include "answers.h"
 #include "arrays.h"
+#include "bindings.h"
 #include "call.h"
-#include "composite.h"
 #include "marble/composite/scenario_samples.h"
 
 namespace marble::python {
