@@ -16,7 +16,7 @@ from support import Shown, check, clean_environment, long_solve, random_problem,
 
 import marble
 from marble.hopper import Hopper
-from marble.in_process.core import core
+from marble.in_process import core
 
 # What differs between two solves of one problem, or says where it was solved.
 OWN = {"times", "job_id", "problem"}

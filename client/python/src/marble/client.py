@@ -7,6 +7,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from marble.base.tables import LOCAL_ADDRESS
 from marble.calls.batch import BatchAnswer, BatchItem
 from marble.calls.jobs import Jobs
 from marble.calls.session import Session
@@ -28,10 +29,9 @@ from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem, problem_of, without_objective
 from marble.model.scenarios import SampleAverageStage, Scenarios, ScenarioSolution
 from marble.model.solution import Progress, Solution
-from marble.transport.handle import SolveHandle
 from marble.transport.local import LocalTransport
 from marble.transport.remote import RemoteTransport
-from marble.transport.transport import Transport
+from marble.transport.transport import SolveHandle, Transport
 
 
 class Connected:
@@ -47,7 +47,7 @@ class Connected:
                  keepalive: float | str | None = None) -> None:
         local, remote = self._transports
         timeout = check_deadline(timeout)
-        self._transport = local(timeout) if connect.is_local(address) else remote(
+        self._transport = local(timeout) if connect.named(address) == LOCAL_ADDRESS else remote(
             address, connect.ConnectOptions.from_environment(
                 token=token, name=name, tls=tls, tls_ca=tls_ca, tls_certificate=tls_certificate, tls_key=tls_key,
                 tls_server_name=tls_server_name, keepalive=keepalive), timeout, wait)

@@ -11,7 +11,7 @@ from marble.aio.session import Session
 from marble.calls.batch import BatchAnswer, BatchItem
 from marble.calls.session_core import SessionEvent
 from marble.errors import Cancelled, FailedPrecondition
-from marble.in_process.core import core
+from marble.in_process import core
 from marble.message.request import Request, Stream
 from marble.message.requests import Call
 from marble.model.lcqp import LCQP

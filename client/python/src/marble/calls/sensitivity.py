@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from marble.in_process.core import core, core_errors
+from marble.in_process import core, core_errors
 from marble.message import records
 from marble.model import derivatives
 from marble.model.derivatives import ANSWER, LETTERS, AnswerChange, RowResponse, SensitivityRequest

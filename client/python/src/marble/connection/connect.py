@@ -186,11 +186,6 @@ def server_of(server: str | Sequence[str] | None) -> str | Sequence[str]:
     return (os.environ.get("MARBLE_SERVER") or tables.LOCAL_ADDRESS) if server is None else server
 
 
-def is_local(address: str | Sequence[str] | None) -> bool:
-    """Whether it is this process."""
-    return named(address) == tables.LOCAL_ADDRESS
-
-
 def each(address: str | Sequence[str] | None) -> list[str]:
     """The addresses one by one; all that a name has (dns:///) are one."""
     address = named(address)

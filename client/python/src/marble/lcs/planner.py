@@ -25,12 +25,11 @@ from marble.calls.session import Session
 from marble.calls.shift import Shift, ShiftBlock
 from marble.connection.connect import server_of
 from marble.errors import DeadlineExceeded, InvalidArgument, InvalidProblem, Unavailable
-from marble.in_process.core import core, core_errors
+from marble.in_process import core, core_errors
 from marble.lcs.system import LCS, Array, one_each
 from marble.message import records
 from marble.message.request import core_options
-from marble.model.lcqp import LCQP, csc, numbers, vector
-from marble.model.parts import problem_of
+from marble.model.lcqp import LCQP, csc, numbers, problem_of, vector
 from marble.model.solution import Solution, Violations
 
 

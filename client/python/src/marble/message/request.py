@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 
 from marble.connection.rpc import check_deadline
 from marble.errors import Unavailable
-from marble.in_process.core import IN_PROCESS, core
+from marble.in_process import IN_PROCESS, core
 from marble.message import records, requests
 from marble.message.requests import Call
 from marble.model import derivatives

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from marble.base.tables import Status
 from marble.errors import InvalidArgument
-from marble.in_process.core import core
+from marble.in_process import core
 from marble.message import records
 from marble.nlp.functions import Multipliers, problem_of
 from marble.nlp.loop import Answer, run

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import marble
 from marble.base.tables import Status
-from marble.in_process.core import core, core_errors
+from marble.in_process import core, core_errors
 from marble.message import records
 from marble.message.request import core_options
 from marble.nlp import ticks

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 import marble
 from marble.base.tables import Status
 from marble.calls.shift import Shift
-from marble.in_process.core import core, core_errors
+from marble.in_process import core, core_errors
 from marble.message import records
 from marble.message.request import core_options
 from marble.nlp import functions, ticks

@@ -13,8 +13,7 @@ from marble.calls.session import Session
 from marble.calls.shift import Shift, ShiftBlock
 from marble.connection import connect
 from marble.errors import DeadlineExceeded, Error
-from marble.model.lcqp import LCQP
-from marble.model.parts import changed, problem_of
+from marble.model.lcqp import LCQP, changed, problem_of
 from marble.model.solution import Solution
 
 _PASSED: Final = 1e-9  # to a session no time left is none at all

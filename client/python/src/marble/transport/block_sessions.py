@@ -18,8 +18,7 @@ from marble.message.answers import core_solution
 from marble.message.job import Priority
 from marble.message.requests import Call
 from marble.message.solve import SolveRequest
-from marble.model.lcqp import LCQP
-from marble.model.parts import changed, problem_of
+from marble.model.lcqp import LCQP, changed, problem_of
 from marble.model.solution import Solution
 from marble.transport.transport import Transport
 

@@ -11,8 +11,7 @@ from marble.calls.batch import BatchAnswer, BatchItem, item_call
 from marble.calls.session import Session
 from marble.connection.rpc import CLOSED
 from marble.errors import Error, FailedPrecondition
-from marble.in_process.core import IN_PROCESS, core, core_errors, showing
-from marble.in_process.ending import under_way
+from marble.in_process import IN_PROCESS, core, core_errors, showing, under_way
 from marble.message.answers import unless_cancelled
 from marble.message.request import Request, Run, Stream, no_server
 from marble.message.requests import Call
@@ -20,9 +19,8 @@ from marble.message.solve import SolveRequest
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem
 from marble.model.solution import Progress, Solution
-from marble.transport.handle import SolveHandle
 from marble.transport.local_session import LocalSession
-from marble.transport.transport import Transport
+from marble.transport.transport import SolveHandle, Transport
 
 Result = TypeVar("Result")
 Item = TypeVar("Item")

@@ -11,8 +11,7 @@ from marble.calls.session import Session, Turn
 from marble.calls.session_core import SessionCore, SessionEvent, check_sensitivity_of_part
 from marble.connection.patience import Tries
 from marble.errors import Error
-from marble.in_process.core import core, core_errors
-from marble.in_process.ending import under_way
+from marble.in_process import core, core_errors, under_way
 from marble.message import requests
 from marble.message.answers import core_solution, unless_cancelled
 from marble.message.request import Run, core_options

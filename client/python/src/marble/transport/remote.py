@@ -25,9 +25,8 @@ from marble.message.solve import SolveRequest
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem
 from marble.model.solution import Progress
-from marble.transport.handle import SolveHandle
 from marble.transport.local import LocalTransport
-from marble.transport.transport import Transport
+from marble.transport.transport import SolveHandle, Transport
 
 grpc: Any = lazy("grpc")
 block_sessions: Any = lazy("marble.transport.block_sessions")
