@@ -1,12 +1,15 @@
 import assert from "node:assert/strict";
-import { writeFileSync } from "node:fs";
+import { readFileSync, writeFileSync } from "node:fs";
 import { after, before } from "node:test";
 import { inspect } from "node:util";
 
-import { CancelledError, type Client, DeadlineError, type Progress, type SolveEvent, connect } from "@marble/client";
+import { CancelledError, type Client, connect, DeadlineError, type Progress, type SolveEvent } from "@marble/client";
 
+import { Solution as Message } from "../src/generated/marble/v1/solution.js";
+import { Solution } from "../src/model/solution.js";
+import { kindOf, kindText, type SolutionFacts, whatToTry } from "../src/shared/solution-kind.js";
 import { chain, corner, endless, example, long, stationarity, violation } from "./support/problems.js";
-import { Server, eventually, marble } from "./support/server.js";
+import { eventually, marble, Server } from "./support/server.js";
 import { test } from "./support/test.js";
 
 let server: Server;
@@ -247,4 +250,28 @@ test("info returns version, limits and options of the server", async () => {
   const path = info.options.find((option) => option.name === "path");
   assert.equal(path?.type, "choice");
   assert.deepEqual(path?.choices, ["fast", "paper", "algorithm1"]);
+});
+
+const tables = new URL("../../../../tests/answers/", import.meta.url);
+const read = (name: string): unknown => JSON.parse(readFileSync(new URL(name, tables), "utf8"));
+
+type Case = { kind: string; text: string; what_to_try: string; facts: Record<string, never> };
+
+test("the kinds of answers follow the table of cases that all languages have", () => {
+  for (const { kind, text, what_to_try, facts } of read("kinds.json") as Case[]) {
+    const { b_stationary: bStationary, second_order: secondOrder, budget_spent: budgetSpent, global_search: globalSearch } = facts;
+    const words = { proved: false, objective: 0, gap: Infinity, starts: 1, ...facts };
+    const given = { ...words, bStationary, secondOrder, budgetSpent, globalSearch } as unknown as SolutionFacts;
+    assert.deepEqual([kindOf(given), kindText(given), whatToTry(given)], [kind, text, what_to_try]);
+  }
+});
+
+test("a budget is spent as the table of cases that all languages have says", () => {
+  type Budget = { options: Record<string, number>; factorizations: number; detail: string; spent: boolean };
+  for (const { options, factorizations, detail, spent } of read("budgets.json") as Budget[]) {
+    const { max_local_search_factorizations: maxLocalSearchFactorizations, num_starts: numStarts, effort } = options;
+    const used = { maxLocalSearchFactorizations, numStarts, effort };
+    const solution = new Solution("", Message.fromPartial({ status: 1, factorizations, detail, options: used }));
+    assert.equal(solution.whatToTry.includes("spent max_local_search_factorizations"), spent, solution.whatToTry);
+  }
 });
