@@ -2,15 +2,202 @@
 
 #include <algorithm>
 #include <atomic>
+#include <condition_variable>
+#include <memory>
 #include <optional>
+#include <random>
+#include <stop_token>
+#include <vector>
 
-#include "dispatcher.h"
 #include "lanes.h"
 #include "machine.h"
 #include "mutex.h"
+#include "plan.h"
 #include "reply.h"
 
 namespace marble::load {
+
+// Decides what is sent when, in both loops, and tracks requests in progress.
+class Dispatcher {
+ public:
+  /// `begin` is the start of the warm-up.
+  Dispatcher(const Plan& plan, const std::vector<LoadedEntry>& entries, Clock::time_point begin);
+
+  /// Sends until the end of the duration or the count, or a stop. Returns when the last request was sent.
+  void run(const Lanes& lanes, const std::stop_token& stop);
+  /// Marks a request as done: in a closed loop its client sends the next one from here.
+  void done(const Lanes& lanes, const Work& work);
+  /// Returns false if requests are still unanswered after that time, or on a stop.
+  [[nodiscard]] bool wait_for_answers(double patience_s, const std::stop_token& stop);
+
+  [[nodiscard]] Clock::time_point measured_from() const { return measured_from_; }
+  [[nodiscard]] std::uint64_t sent() const { return sent_; }  ///< measured requests
+  [[nodiscard]] bool reached_limit() const { return reached_limit_; }
+
+ private:
+  void run_open(const Lanes& lanes, const std::stop_token& stop);
+  void run_closed(const Lanes& lanes, const std::stop_token& stop);
+  void next_of_client(const Lanes& lanes, std::size_t client);
+  [[nodiscard]] Work make_work(std::mt19937_64& engine, std::size_t client, Clock::time_point intended);
+  [[nodiscard]] bool over(Clock::time_point at) const;
+  [[nodiscard]] bool claim(const Work& work);  // false: the count is reached
+  void send(const Lanes& lanes, Work& work);
+  [[nodiscard]] bool sleep_until(Clock::time_point at, const std::stop_token& stop);
+
+  const Plan& plan_;
+  const std::vector<LoadedEntry>& entries_;
+  const Clock::time_point begin_, measured_from_, end_;
+  std::vector<double> shares_;  // cumulative shares of the entries; the last is 1
+  std::unique_ptr<std::atomic<std::size_t>[]> next_variant_;
+  std::vector<std::mt19937_64> engines_;  // one per client; each is used by one thread at a time
+
+  std::atomic<std::uint64_t> sent_ = 0;
+  std::atomic<bool> stopping_ = false, reached_limit_ = false;
+  Mutex mutex_;
+  std::condition_variable_any changed_;
+  std::uint64_t under_way_ ABSL_GUARDED_BY(mutex_) = 0;
+  int active_clients_ ABSL_GUARDED_BY(mutex_) = 0;
+};
+
+namespace {
+
+Clock::duration duration_of(double seconds) {
+  return std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 * std::min(seconds, 1e9)));
+}
+
+}  // namespace
+
+Dispatcher::Dispatcher(const Plan& plan, const std::vector<LoadedEntry>& entries, Clock::time_point begin)
+    : plan_(plan),
+      entries_(entries),
+      begin_(begin),
+      measured_from_(begin + duration_of(plan.warm_up_s)),
+      end_(plan.count > 0 ? Clock::time_point::max() : measured_from_ + duration_of(plan.duration_s)),
+      next_variant_(std::make_unique<std::atomic<std::size_t>[]>(entries.size())) {
+  double sum = 0.0;
+  for (const LoadedEntry& entry : entries) shares_.push_back(sum += entry.entry.weight);
+  for (double& share : shares_) share /= sum;
+  for (int client = 0; client < plan.clients; ++client)
+    engines_.emplace_back(plan.seed + 1000 * (1 + static_cast<std::uint64_t>(client)));
+}
+
+void Dispatcher::run(const Lanes& lanes, const std::stop_token& stop) {
+  if (plan_.loop == Loop::open) {
+    run_open(lanes, stop);
+  } else {
+    run_closed(lanes, stop);
+  }
+}
+
+bool Dispatcher::over(Clock::time_point at) const {
+  return stopping_ || at >= end_ || (plan_.count > 0 && sent_ >= plan_.count);
+}
+
+bool Dispatcher::claim(const Work& work) {
+  if (!work.measured) return true;
+  if (sent_.fetch_add(1) < plan_.count || plan_.count == 0) return true;
+  --sent_;
+  return false;
+}
+
+Work Dispatcher::make_work(std::mt19937_64& engine, std::size_t client, Clock::time_point intended) {
+  Work work;
+  const double choice = uniform(engine);
+  while (work.entry + 1 < shares_.size() && choice >= shares_[work.entry]) ++work.entry;
+  work.variant = next_variant_[work.entry]++ % entries_[work.entry].problems.size();
+  work.client = client;
+  work.intended = intended;
+  work.measured = intended >= measured_from_;
+  work.checked = uniform(engine) < plan_.check;
+  return work;
+}
+
+void Dispatcher::send(const Lanes& lanes, Work& work) {
+  work.sent = Clock::now();
+  lanes.send(work);
+}
+
+bool Dispatcher::sleep_until(Clock::time_point at, const std::stop_token& stop) {
+  // A condition variable wakes about 50 µs late, and a sleep is no better: good enough compared with a solve,
+  // and reported as lag.
+  const MutexLock lock(mutex_);
+  while (!stop.stop_requested() && Clock::now() < at)
+    changed_.wait_until(mutex_, stop, at, [&] { return Clock::now() >= at; });
+  return !stop.stop_requested();
+}
+
+void Dispatcher::run_open(const Lanes& lanes, const std::stop_token& stop) {
+  Arrivals arrivals(plan_.arrivals, plan_.rate_per_s, plan_.seed);
+  std::size_t client = 0;
+  while (true) {
+    const Clock::time_point intended = begin_ + arrivals.next();
+    if (over(intended) || !sleep_until(intended, stop)) return;
+    Work work = make_work(engines_.front(), client++ % engines_.size(), intended);
+    if (!claim(work)) return;
+    {
+      const MutexLock lock(mutex_);
+      if (under_way_ >= plan_.in_flight) reached_limit_ = true;
+      const auto room = [this]()
+                            ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return under_way_ < plan_.in_flight; };
+      if (!changed_.wait(mutex_, stop, room)) return;
+      ++under_way_;
+    }
+    send(lanes, work);
+  }
+}
+
+void Dispatcher::run_closed(const Lanes& lanes, const std::stop_token& stop) {
+  {
+    const MutexLock lock(mutex_);
+    active_clients_ = plan_.clients;
+  }
+  for (int client = 0; client < plan_.clients; ++client)
+    next_of_client(lanes, static_cast<std::size_t>(client));
+  const MutexLock lock(mutex_);
+  const auto idle = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return active_clients_ == 0; };
+  if (plan_.count > 0) {
+    changed_.wait(mutex_, stop, idle);
+  } else {
+    changed_.wait_until(mutex_, stop, end_, idle);
+  }
+  stopping_ = true;
+}
+
+void Dispatcher::next_of_client(const Lanes& lanes, std::size_t client) {
+  thread_local bool sending = false;
+  const Clock::time_point now = Clock::now();
+  const auto leave = [this] {
+    const MutexLock lock(mutex_);
+    if (--active_clients_ == 0) changed_.notify_all();
+  };
+  // A request that is done while it is being sent was never sent: its client's stream has ended, and so has
+  // it.
+  if (sending || over(now)) return leave();
+  Work work = make_work(engines_[client], client, now);
+  if (!claim(work)) return leave();
+  {
+    const MutexLock lock(mutex_);
+    ++under_way_;
+  }
+  sending = true;
+  send(lanes, work);
+  sending = false;
+}
+
+void Dispatcher::done(const Lanes& lanes, const Work& work) {
+  if (plan_.loop == Loop::closed) next_of_client(lanes, work.client);
+  const MutexLock lock(mutex_);
+  --under_way_;
+  if (under_way_ == 0 || under_way_ + 1 >= plan_.in_flight) changed_.notify_all();
+}
+
+bool Dispatcher::wait_for_answers(double patience_s, const std::stop_token& stop) {
+  stopping_ = true;
+  const MutexLock lock(mutex_);
+  const auto all = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return under_way_ == 0; };
+  return changed_.wait_for(mutex_, stop, duration_of(patience_s), all);
+}
+
 namespace {
 
 constexpr double kLateLag_s = 1e-3;  // a smaller lag is irrelevant

@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <fstream>
 #include <limits>
+#include <nlohmann/json.hpp>
+#include <utility>
 
 #include "marble/convert.h"
 #include "support/independent_check.h"
@@ -109,6 +112,39 @@ v1::SessionUpdate next_tick(const OwnedProblem& problem, int steps) {
   whole(problem.d.size(), shift->add_inequalities());
   whole(problem.l.size(), shift->add_pairs());
   return update;
+}
+
+namespace {
+
+std::vector<Finding>& findings() {
+  static std::vector<Finding> all;
+  return all;
+}
+
+}  // namespace
+
+void report(Finding finding) {
+  std::printf("%-72s %8.4f  %s %-7g %s\n    %s\n", finding.name.c_str(), finding.value,
+              finding.at_most ? "<=" : ">=", finding.limit, finding.holds() ? "holds" : "MISSED",
+              finding.detail.c_str());
+  std::fflush(stdout);
+  findings().push_back(std::move(finding));
+}
+
+bool write_findings(const std::string& path) {
+  auto json = nlohmann::ordered_json::array();
+  for (const Finding& finding : findings()) {
+    json.push_back({{"name", finding.name},
+                    {"value", finding.value},
+                    {"limit", finding.limit},
+                    {"at_most", finding.at_most},
+                    {"holds", finding.holds()},
+                    {"detail", finding.detail}});
+  }
+  std::ofstream file(path);
+  file << json.dump(1) << '\n';
+  file.close();
+  return !file.fail();
 }
 
 }  // namespace marble::bench

@@ -63,4 +63,46 @@ class Session {
 /// Returns every vector of the problem, and a shift of the plan by one of `steps` stages.
 [[nodiscard]] v1::SessionUpdate next_tick(const OwnedProblem& problem, int steps);
 
+// Compares a measurement with a promise: a ratio, and its limit.
+struct Finding {
+  std::string name;    ///< "hopper, session: latency over local solve"
+  double value = 0.0;  ///< usually a ratio
+  double limit = 0.0;
+  bool at_most = true;  ///< else the value should be at least the limit
+  std::string detail;   ///< the underlying figures
+
+  [[nodiscard]] bool holds() const { return at_most ? value <= limit : value >= limit; }
+};
+
+/// Prints the finding, and keeps it for write_findings().
+void report(Finding finding);
+
+/// Writes all findings so far as a JSON array, {name, value, limit, at_most, holds, detail} each. Returns
+/// false if the file cannot be written.
+[[nodiscard]] bool write_findings(const std::string& path);
+
+// Declares the parts of the service benchmark: each starts its own server and prints its measurements.
+
+/// The hopper's receding horizon, warm in a session against cold unary solves.
+void mpc();
+/// A control loop's steps while other clients flood the server.
+void flood();
+/// A control loop's steps beside long batch work of every kind, and the throughput of batch work beside
+/// steps.
+void beside();
+/// Idle sessions.
+void idle();
+/// The cost of metrics, logs, traces and watchers.
+void cost();
+/// The same solves remote and in process; tiny ones beside a bare echo.
+void remote();
+/// Two workers against two threads in process.
+void throughput();
+/// Full load beside idle sessions and dashboards.
+void crowd();
+/// Submitted jobs kept in memory, by SQLite, by PostgreSQL.
+void durable();
+/// The cost of reporting every iteration.
+void streaming();
+
 }  // namespace marble::bench

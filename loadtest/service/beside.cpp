@@ -6,10 +6,8 @@
 #include "bench.h"
 #include "closed_loop.h"
 #include "control_loop.h"
-#include "finding.h"
 #include "marble/convert.h"
 #include "marble/examples.h"
-#include "parts.h"
 
 namespace marble::bench {
 namespace {

@@ -7,10 +7,8 @@
 #include <thread>
 
 #include "bench.h"
-#include "finding.h"
 #include "marble/convert.h"
 #include "marble/examples.h"
-#include "parts.h"
 #include "support/postgres_process.h"
 
 namespace marble::bench {

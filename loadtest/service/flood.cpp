@@ -7,7 +7,6 @@
 #include "control_loop.h"
 #include "marble/convert.h"
 #include "marble/examples.h"
-#include "parts.h"
 
 namespace marble::bench {
 namespace {

@@ -4,7 +4,6 @@
 #include "bench.h"
 #include "marble/convert.h"
 #include "marble/examples.h"
-#include "parts.h"
 
 namespace marble::bench {
 namespace {

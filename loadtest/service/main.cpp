@@ -5,9 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include "bench.h"
 #include "echo_server.h"
-#include "finding.h"
-#include "parts.h"
 
 namespace {
 

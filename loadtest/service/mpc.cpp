@@ -3,7 +3,6 @@
 #include "bench.h"
 #include "marble/convert.h"
 #include "marble/examples.h"
-#include "parts.h"
 
 namespace marble::bench {
 namespace {

@@ -4,12 +4,10 @@
 
 #include "bench.h"
 #include "echo_server.h"
-#include "finding.h"
 #include "marble/client.h"
 #include "marble/convert.h"
 #include "marble/examples.h"
 #include "marble/solver.h"
-#include "parts.h"
 #include "scenario.h"
 
 namespace marble::bench {

@@ -3,9 +3,7 @@
 
 #include "bench.h"
 #include "closed_loop.h"
-#include "finding.h"
 #include "marble/examples.h"
-#include "parts.h"
 
 namespace marble::bench {
 namespace {

@@ -1,8 +1,11 @@
 #include "hard_families.h"
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstdint>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "marble/published_examples.h"
 #include "model.h"
@@ -232,6 +235,182 @@ std::vector<HardProblem> hard_problems(int seeds, bool judging) {
   add_published(all);
   add_proofs(all);
   return all;
+}
+
+}  // namespace marble::suite
+
+// Provides small problems from the literature with their published optima; none is among the 39 benchmarks.
+namespace marble::suite {
+namespace {
+
+using examples::Model;
+using examples::Terms;
+
+struct Row {
+  Terms terms;
+  double constant;
+};
+
+// The leader, whose variables come first, minimizes `cost`; the follower minimizes `own` over its variables
+// with rows ≥ 0. The follower's optimality: own = Σ λ_i of its part of row i, λ_i ⊥ row i.
+OwnedProblem leader_and_follower(Index leaders, const std::vector<double>& cost,
+                                 const std::vector<double>& own, const std::vector<Row>& rows,
+                                 const std::vector<Row>& of_leader = {}) {
+  const auto variables = static_cast<Index>(cost.size());
+  Model model("leader and follower", variables + static_cast<Index>(rows.size()));
+  for (Index j = 0; j < variables; ++j) model.add_linear(cost[static_cast<std::size_t>(j)], j);
+  for (const Row& row : of_leader) model.at_least_zero(row.terms, row.constant);
+  std::vector<Terms> stationarity(own.size());
+  Index multiplier = variables;
+  for (const Row& row : rows) {
+    model.complementary(row.terms, row.constant, {{multiplier, 1.0}}, 0.0);
+    for (const auto& [variable, factor] : row.terms) {
+      if (variable >= leaders)
+        stationarity[static_cast<std::size_t>(variable - leaders)].push_back({multiplier, -factor});
+    }
+    ++multiplier;
+  }
+  for (std::size_t i = 0; i < own.size(); ++i) model.equal_zero(stationarity[i], own[i]);
+  return model.problem();
+}
+
+Row row(Terms terms, double constant) { return {std::move(terms), constant}; }
+
+// Rows of Bialas and Karwan 1984, in x and y.
+std::vector<Row> five_rows() {
+  return {row({{0, 1.0}, {1, 2.0}}, -10.0), row({{0, -1.0}, {1, 2.0}}, 6.0), row({{0, -2.0}, {1, 1.0}}, 21.0),
+          row({{0, -1.0}, {1, -2.0}}, 38.0), row({{0, 1.0}, {1, -2.0}}, 18.0)};
+}
+
+// min x² + y² + 2 factor xy with 0 ≤ x ⊥ y ≥ 0.
+OwnedProblem product(double factor) {
+  Model model("ralph2", 2);
+  model.add_square(2.0 - 2.0 * factor, {{0, 1.0}});
+  model.add_square(2.0 - 2.0 * factor, {{1, 1.0}});
+  model.add_square(2.0 * factor, {{0, 1.0}, {1, 1.0}});
+  model.complementary({{0, 1.0}}, 0.0, {{1, 1.0}}, 0.0);
+  return model.problem();
+}
+
+}  // namespace
+
+void add_published(std::vector<HardProblem>& all) {
+  const auto add = [&](OwnedProblem problem, double optimum) {
+    all.push_back({"published", std::move(problem), {}, optimum});
+  };
+  // Anandalingam and White, "A solution method for the linear static Stackelberg problem using penalty
+  // functions", 1990: (16, 11); at (0, 5) is a local optimum of −15.
+  const Row x_positive = row({{0, 1.0}}, 0.0);
+  const Row y_positive = row({{1, 1.0}}, 0.0);
+  std::vector<Row> rows = five_rows();
+  rows.push_back(y_positive);
+  add(leader_and_follower(1, {-1.0, -3.0}, {1.0}, rows, {x_positive}), -49.0);
+  // Bialas and Karwan, "Two-level linear programming", 1984: (16, 11).
+  add(leader_and_follower(1, {0.0, -1.0}, {1.0}, rows, {x_positive}), -11.0);
+  // Candler and Townsley, "A linear two-level programming problem", 1982: x = (0, .9), y = (0, .6, .4).
+  rows = {row({{2, 1.0}, {3, -1.0}, {4, -1.0}}, 1.0), row({{0, -2.0}, {2, 1.0}, {3, -2.0}, {4, 0.5}}, 1.0),
+          row({{1, -2.0}, {2, -2.0}, {3, 1.0}, {4, 0.5}}, 1.0)};
+  for (const Index j : {2, 3, 4}) rows.push_back(row({{j, 1.0}}, 0.0));
+  add(leader_and_follower(2, {-8.0, -4.0, 4.0, -40.0, -4.0}, {1.0, 1.0, 2.0}, rows, {x_positive, y_positive}),
+      -29.2);
+  // Bard and Falk, "An explicit solution to the multi-level programming problem", 1982: x = (2, 0),
+  // y = (1.5, 0).
+  rows = {row({{0, 2.0}, {2, -1.0}, {3, 1.0}}, -2.5), row({{0, -1.0}, {1, 3.0}, {3, -1.0}}, 2.0),
+          row({{0, -1.0}, {1, -1.0}}, 2.0)};
+  for (const Index j : {2, 3}) rows.push_back(row({{j, 1.0}}, 0.0));
+  add(leader_and_follower(2, {-2.0, 1.0, 0.5, 0.0}, {-4.0, 1.0}, rows, {x_positive, y_positive}), -3.25);
+  // Of MacMPEC: kth1, ralph1 (no multiplier makes 0 strongly stationary), ralph2 (Q is not convex).
+  Model kth1("kth1", 2);
+  kth1.add_linear(1.0, 0);
+  kth1.add_linear(1.0, 1);
+  kth1.complementary({{0, 1.0}}, 0.0, {{1, 1.0}}, 0.0);
+  add(kth1.problem(), 0.0);
+  Model ralph1("ralph1", 2);
+  ralph1.add_linear(2.0, 0);
+  ralph1.add_linear(-1.0, 1);
+  ralph1.at_least_zero({{0, 1.0}});
+  ralph1.complementary({{1, 1.0}}, 0.0, {{0, -1.0}, {1, 1.0}}, 0.0);
+  add(ralph1.problem(), 0.0);
+  add(product(-2.0), 0.0);
+}
+
+}  // namespace marble::suite
+
+// Generates strictly convex QPs in which one row is another one plus e times noise, with an optimum known by
+// construction.
+namespace marble::suite {
+namespace {
+
+using examples::Model;
+using examples::Terms;
+
+enum class Kind { equalities, inequalities, one_of_each, pairs };
+
+Eigen::VectorXd random_vector(Noise& noise, Index size) {
+  return Eigen::VectorXd::NullaryExpr(size, [&] { return noise.uniform(); });
+}
+
+Terms terms_of(const Eigen::VectorXd& row) {
+  Terms terms;
+  for (Index j = 0; j < row.size(); ++j) terms.push_back({j, row[j]});
+  return terms;
+}
+
+// The solution is z, with multipliers of the parallel rows that are 1/e and differ by about 1: the sum of
+// their terms is again about 1. The zero sides of pairs have positive multipliers, so that z is also the
+// optimum without complementarity.
+HardProblem parallel_rows(const std::string& family, Kind kind, Index n, Index m, bool box,
+                          std::uint64_t seed) {
+  Noise noise(seed);
+  const double e = std::pow(10.0, -2.0 - static_cast<double>(seed / 2 % 6));
+  const Eigen::VectorXd z = random_vector(noise, n);
+  Eigen::VectorXd gradient = -z;  // with Q = I
+  Model model(family, n);
+  for (Index j = 0; j < n; ++j) model.add_square(1.0, {{j, 1.0}});
+  Eigen::VectorXd first;
+  for (Index i = 0; i < m; ++i) {
+    Eigen::VectorXd row = random_vector(noise, n);
+    if (i == 1) row = e * row + (kind == Kind::equalities ? first : Eigen::VectorXd(-first));
+    if (i == 0) first = row;
+    const double multiplier = i < 2 ? 1.0 / e + (i == 0 ? 0.0 : noise.uniform()) : 1.5 + noise.uniform();
+    const bool opposite = kind == Kind::equalities && i == 1;
+    gradient += (opposite ? -multiplier : multiplier) * row;
+    const double constant = -row.dot(z);
+    if (kind == Kind::pairs) {
+      const Eigen::VectorXd other = random_vector(noise, n);
+      model.complementary(terms_of(row), constant, terms_of(other), 1.5 + noise.uniform() - other.dot(z));
+    } else if (kind == Kind::equalities || (kind == Kind::one_of_each && i == 0)) {
+      model.equal_zero(terms_of(row), constant);
+    } else {
+      model.at_least_zero(terms_of(row), constant);
+    }
+  }
+  for (Index j = 0; box && j < n; ++j) model.within({{j, 1.0}}, 10.0);
+  HardProblem result{family, model.problem(), {}};
+  result.problem.g.assign(gradient.data(), gradient.data() + n);
+  result.optimum = 0.5 * z.squaredNorm() + gradient.dot(z);
+  return result;
+}
+
+}  // namespace
+
+void add_parallel_rows(std::vector<HardProblem>& all, int seeds, bool judging) {
+  struct Family {
+    const char* name;
+    Kind kind;
+  };
+  for (const auto& [name, kind] :
+       {Family{"equalities", Kind::equalities}, Family{"inequalities", Kind::inequalities},
+        Family{"one of each", Kind::one_of_each}, Family{"pairs", Kind::pairs}}) {
+    for (const bool box : {false, true}) {
+      const std::string family = "parallel " + std::string(name) + (box ? ", box" : "");
+      for (int number = 0; number < seeds; ++number) {
+        const auto seed = static_cast<std::uint64_t>(2 * number + (judging ? 2 : 1));
+        for (const auto& [n, m] : {std::pair<Index, Index>{2, 2}, {3, 2}, {6, 3}, {20, 10}, {50, 40}})
+          all.push_back(parallel_rows(family, kind, n, m, box, seed));
+      }
+    }
+  }
 }
 
 }  // namespace marble::suite

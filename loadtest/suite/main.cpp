@@ -8,7 +8,6 @@
 #include <string>
 
 #include "families.h"
-#include "tune.h"
 
 namespace {
 

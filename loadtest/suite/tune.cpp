@@ -1,5 +1,3 @@
-#include "tune.h"
-
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -14,6 +12,7 @@
 #include <thread>
 #include <type_traits>
 
+#include "families.h"
 #include "model/tuning.h"
 #include "record.h"
 #include "research/tuning.h"

@@ -9,7 +9,7 @@
 #include <fstream>
 #include <thread>
 
-#include "clients.h"
+#include "client.h"
 #include "support/loopback.h"
 #include "support/server_process.h"
 

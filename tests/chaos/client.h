@@ -3,16 +3,60 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <atomic>
+#include <condition_variable>
 #include <initializer_list>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <random>
 #include <string>
+#include <vector>
 
-#include "environment.h"
 #include "marble/v1/service.grpc.pb.h"
 
 namespace marble::testing {
+
+// What all clients of the chaos share: where the server is, whether it is being restarted, and when to rest
+// or stop.
+
+/// Thread-safe.
+class Environment {
+ public:
+  Environment(std::string address, int clients) : address_(std::move(address)), clients_(clients) {}
+
+  [[nodiscard]] const std::string& address() const { return address_; }
+
+  /// Even while a server serves, odd from before it is asked to stop until the next one answers. A client
+  /// that connected in the generation of now has no excuse for losing its server.
+  [[nodiscard]] int generation() const { return generation_; }
+  void next_generation();
+  /// Waits until a server serves, and returns its generation.
+  int wait_for_server();
+
+  /// Between two episodes of a client: waits while all are to rest. False when it is time to stop.
+  [[nodiscard]] bool go_on();
+  /// Returns when every client is between two episodes, where it stays.
+  void rest();
+  void resume();
+  void stop();
+  [[nodiscard]] bool stopped() const { return stopped_; }
+
+  /// Something that must not happen.
+  void fault(const std::string& text);
+  [[nodiscard]] std::vector<std::string> faults() const;
+
+ private:
+  const std::string address_;
+  const int clients_;
+  std::atomic<int> generation_ = 0;
+  std::atomic<bool> stopped_ = false;
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  bool resting_ = false;
+  int at_rest_ = 0;
+  std::vector<std::string> faults_;
+};
 
 class Client {
  public:
@@ -80,5 +124,31 @@ class Client {
   std::unique_ptr<v1::Solver::Stub> solver_;
   std::unique_ptr<v1::Jobs::Stub> jobs_;
 };
+
+// Every kind of client there is.
+using MakeClient = std::unique_ptr<Client> (*)(Environment&, std::uint64_t seed);
+
+// Unary solves.
+std::unique_ptr<Client> make_solve_client(Environment& environment, std::uint64_t seed);
+std::unique_ptr<Client> make_deadline_client(Environment& environment, std::uint64_t seed);
+std::unique_ptr<Client> make_malformed_client(Environment& environment, std::uint64_t seed);
+// Streams: read to the end, cancelled at any moment, hardly read.
+std::unique_ptr<Client> make_stream_client(Environment& environment, std::uint64_t seed);
+std::unique_ptr<Client> make_cancel_client(Environment& environment, std::uint64_t seed);
+std::unique_ptr<Client> make_slow_reader(Environment& environment, std::uint64_t seed);
+// Many problems on a stream, some of them malformed, some streams given up.
+std::unique_ptr<Client> make_batch_client(Environment& environment, std::uint64_t seed);
+// Sessions that are used, and sessions that are left open.
+std::unique_ptr<Client> make_session_client(Environment& environment, std::uint64_t seed);
+std::unique_ptr<Client> make_idle_session(Environment& environment, std::uint64_t seed);
+// Submitted jobs, and those who watch them all.
+std::unique_ptr<Client> make_submit_client(Environment& environment, std::uint64_t seed);
+std::unique_ptr<Client> make_watch_client(Environment& environment, std::uint64_t seed);
+// Asks for health and counters all the time.
+std::unique_ptr<Client> make_health_client(Environment& environment, std::uint64_t seed);
+// Processes that are killed with -9 in the middle of a stream, a batch or a session.
+std::unique_ptr<Client> make_killed_client(Environment& environment, std::uint64_t seed);
+// Frames by hand that no client library would send.
+std::unique_ptr<Client> make_hostile_client(Environment& environment, std::uint64_t seed);
 
 }  // namespace marble::testing

@@ -1,7 +1,7 @@
 // Jobs that outlive their calls, and those who watch everything.
 #include <set>
 
-#include "clients.h"
+#include "client.h"
 #include "judgement.h"
 #include "problems.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <deque>
 
-#include "clients.h"
+#include "client.h"
 #include "google/rpc/status.pb.h"
 #include "judgement.h"
 #include "marble/examples.h"

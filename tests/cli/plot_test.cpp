@@ -9,8 +9,6 @@
 #include "output/convergence.h"
 #include "output/proof.h"
 #include "output/trace_file.h"
-#include "output/trace_picture.h"
-#include "terminal/sparkline.h"
 #include "terminal/terminal_plot.h"
 
 namespace marble::cli {

@@ -4,12 +4,15 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/ioctl.h>
+#include <sys/stat.h>
 #include <termios.h>
 #include <unistd.h>
 
 #include <cstdlib>
 #include <stdexcept>
 #include <string>
+
+#include "support/child_process.h"
 
 namespace marble::testing {
 
@@ -68,6 +71,73 @@ class Terminal {
   int keyboard_, screen_ = -1;
   int width_ = 0, height_ = 0;
   std::string path_;
+};
+
+// What a terminal shows, as text: output goes in, the screen comes out. tests/cli/screen_of does the
+// work, one process for the life of this.
+class EmulatedScreen {
+ public:
+  EmulatedScreen(int width, int height)
+      : requests_(pipe_at("requests")),
+        answers_(pipe_at("answers")),
+        emulator_(
+            {"/bin/sh", "-c",
+             std::string("exec '") + SCREEN_OF + "' " + std::to_string(width) + " " + std::to_string(height) +
+                 " <'" + directory_.file("requests") + "' >'" + directory_.file("answers") + "'"},
+            directory_.file("errors")) {}
+  ~EmulatedScreen() {
+    close(requests_);
+    close(answers_);
+  }
+  EmulatedScreen(const EmulatedScreen&) = delete;
+  EmulatedScreen& operator=(const EmulatedScreen&) = delete;
+
+  void show(const std::string& output) {
+    if (!output.empty()) ask("show " + std::to_string(output.size()) + "\n" + output);
+  }
+  void resize(int width, int height) {
+    ask("size " + std::to_string(width) + " " + std::to_string(height) + "\n");
+  }
+  /// Its lines, blanks at their ends left out.
+  [[nodiscard]] const std::string& text() const { return text_; }
+
+ private:
+  static constexpr int kLongest_ms = 60'000;
+
+  // Open at both ends, so that neither side waits for the other to come.
+  [[nodiscard]] int pipe_at(const std::string& name) const {
+    const std::string path = directory_.file(name);
+    const int end = mkfifo(path.c_str(), 0600) == 0 ? open(path.c_str(), O_RDWR | O_CLOEXEC) : -1;
+    if (end < 0) throw std::runtime_error("no pipe to be had");
+    return end;
+  }
+  void ask(const std::string& request) {
+    for (std::size_t sent = 0; sent < request.size();) {
+      const ssize_t count = write(requests_, request.data() + sent, request.size() - sent);
+      if (count <= 0) throw std::runtime_error("screen_of takes nothing");
+      sent += static_cast<std::size_t>(count);
+    }
+    std::string length;
+    for (std::string byte = read(1); byte != "\n"; byte = read(1)) length += byte;
+    text_ = read(std::stoul(length));
+  }
+  [[nodiscard]] std::string read(std::size_t size) const {
+    std::string bytes(size, '\0');
+    for (std::size_t have = 0; have < size;) {
+      pollfd ready{answers_, POLLIN, 0};
+      if (poll(&ready, 1, kLongest_ms) != 1)
+        throw std::runtime_error("screen_of does not answer: " + emulator_.output());
+      const ssize_t count = ::read(answers_, bytes.data() + have, size - have);
+      if (count <= 0) throw std::runtime_error("screen_of has ended: " + emulator_.output());
+      have += static_cast<std::size_t>(count);
+    }
+    return bytes;
+  }
+
+  TemporaryDirectory directory_;
+  int requests_, answers_;
+  ChildProcess emulator_;
+  std::string text_;
 };
 
 }  // namespace marble::testing

@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "array_client.h"
-#include "jobs_service_test.h"
+#include "jobs_client.h"
 
 namespace marble::testing {
 namespace {

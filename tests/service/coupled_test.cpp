@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "jobs_service_test.h"
+#include "jobs_client.h"
 #include "marble/convert.h"
 #include "marble/convert_coupled.h"
 #include "marble/examples.h"

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "service_test.h"
 
@@ -80,6 +81,15 @@ class JobsClient {
 
  private:
   std::unique_ptr<v1::Jobs::Stub> jobs_;
+};
+
+// What tests of jobs share: Jobs' methods as calls, on a server of the test's own.
+class JobsServiceTest : public ServiceTest, protected JobsClient {
+ protected:
+  void start(const std::vector<std::string>& flags = {}) {
+    ServiceTest::start(flags);
+    static_cast<JobsClient&>(*this) = JobsClient(channel());
+  }
 };
 
 }  // namespace marble::testing

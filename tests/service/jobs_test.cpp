@@ -4,7 +4,7 @@
 #include <thread>
 
 #include "bidi.h"
-#include "jobs_service_test.h"
+#include "jobs_client.h"
 
 namespace marble::testing {
 namespace {

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "bidi.h"
-#include "jobs_service_test.h"
+#include "jobs_client.h"
 #include "marble/convert.h"
 #include "marble/convert_coupled.h"
 #include "marble/convert_scenarios.h"

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "jobs_service_test.h"
+#include "jobs_client.h"
 #include "marble/convert.h"
 #include "marble/convert_scenarios.h"
 #include "marble/scenario_examples.h"

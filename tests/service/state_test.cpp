@@ -7,7 +7,7 @@
 #include <random>
 #include <set>
 
-#include "jobs_service_test.h"
+#include "jobs_client.h"
 
 namespace marble::testing {
 namespace {

@@ -10,7 +10,6 @@
 #include "marble/solver.h"
 #include "marble/warm_solver.h"
 #include "support/conflict_check.h"
-#include "support/planted_conflict.h"
 #include "support/problem_builder.h"
 #include "support/random_problem.h"
 
