@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <vector>
 
 #include "families.h"
@@ -15,12 +14,6 @@ namespace marble::suite {
 namespace {
 
 constexpr int kSegmentSteps = 60;
-
-double processor_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 struct Answer {
   double objective = 0.0, seconds = 0.0;  // processor time

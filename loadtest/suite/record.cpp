@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 
 #include "marble/research/methods.h"
 #include "support/independent_check.h"
@@ -37,6 +38,12 @@ Record solve_and_judge(const std::string& name, const OwnedProblem& problem, con
   record.milliseconds = 1e3 * (s.times.setup_s + s.times.solve_s);
   record.origin = s.detail.substr(0, s.detail.find(';'));
   return record;
+}
+
+double processor_seconds() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
 double median(std::vector<double> values) {

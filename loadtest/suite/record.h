@@ -36,4 +36,7 @@ void print_summary(const std::string& family, const std::vector<Record>& records
 
 [[nodiscard]] double median(std::vector<double> values);
 
+/// Returns the processor time of this process so far: other load on the machine does not count.
+[[nodiscard]] double processor_seconds();
+
 }  // namespace marble::suite

@@ -1,7 +1,6 @@
 #include "tuning_families.h"
 
 #include <cmath>
-#include <ctime>
 #include <limits>
 
 #include "hard_families.h"
@@ -9,6 +8,7 @@
 #include "marble/solver.h"
 #include "noise.h"
 #include "quadratic_families.h"
+#include "record.h"
 #include "support/independent_check.h"
 #include "support/other_units.h"
 #include "support/random_problem.h"
@@ -17,12 +17,6 @@ namespace marble::suite {
 namespace {
 
 constexpr double kRunaway_s = 60.0;  // processor time; no solve here takes a tenth of it
-
-double processor_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 // A proof counts as a solution too, with objective 0.
 double answer(const OwnedProblem& problem, const Solution& s) {

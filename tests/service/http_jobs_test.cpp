@@ -136,7 +136,8 @@ TEST_F(HttpJobs, RolesAreThoseOfGrpc) {
 }
 
 // What the HTTP port reports about the last minutes, and to which clients.
-constexpr std::array kColumns = {"time_s", "queued", "running", "done", "busy_s", "cpu_s", "p50_s", "p99_s"};
+constexpr std::array kHistoryColumns = {"time_s", "queued", "running", "done",
+                                        "busy_s", "cpu_s",  "p50_s",   "p99_s"};
 
 class HttpRecent : public HttpServiceTest {
  protected:
@@ -163,7 +164,7 @@ TEST_F(HttpRecent, ANewPageGetsWhatTheServerDidBeforeItCame) {
     return history.at("done").size() > 2 && history.at("done").back() == 1.0 &&
            !history.at("p99_s").back().is_null();
   }));
-  for (const char* column : kColumns)
+  for (const char* column : kHistoryColumns)
     EXPECT_EQ(history.at(column).size(), history.at("time_s").size()) << column;
   for (std::size_t at = 1; at < history.at("time_s").size(); ++at)
     EXPECT_GT(history.at("time_s").at(at), history.at("time_s").at(at - 1));
