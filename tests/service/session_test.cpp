@@ -387,12 +387,12 @@ TEST_F(Session, ManyThatAreRefusedAndGoAwayAtOnceDisturbNobody) {
 TEST_F(Session, SlowsAClientThatSendsFasterThanItSolvesAndLosesNothing) {
   start({"--workers", "1", "--session-updates", "4"});
   const auto call = set_up(setup_of(example_request()));
-  constexpr int kUpdates = 3000;
+  constexpr int kFastUpdates = 3000;
   std::thread writer([&] {
-    for (int i = 1; i <= kUpdates; ++i) ASSERT_TRUE(call->write(update(i)));
+    for (int i = 1; i <= kFastUpdates; ++i) ASSERT_TRUE(call->write(update(i)));
     call->done();
   });
-  for (int i = 1; i <= kUpdates; ++i) {
+  for (int i = 1; i <= kFastUpdates; ++i) {
     const auto answer = call->next();
     ASSERT_TRUE(answer && answer->has_answer()) << i;
     ASSERT_EQ(answer->answer().sequence(), i);

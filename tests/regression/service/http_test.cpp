@@ -184,8 +184,8 @@ TEST_F(HttpProbes, HalfHandshakesDelayNobodyEither) {
 // Symptom: a large answer over HTTP took forty times its message, and no longer counted once a client read it
 // slowly: with transport_bytes 512 MB, a hundred slow readers of 3 MB brought the server to 2.5 GB. Cause:
 // protobuf makes a tree of all numbers and then the whole text, and the reservation ended with the handler.
-constexpr int kNumbers = 400'000;
-constexpr std::int64_t kAnswer = 8 * kNumbers;  // bytes
+constexpr int kAnswerNumbers = 400'000;
+constexpr std::int64_t kAnswer = 8 * kAnswerNumbers;  // bytes
 constexpr std::int64_t kTransport = 64 << 20;
 constexpr std::int64_t kReader = 768 << 10;  // a thread, a socket, two pieces of text
 
@@ -199,15 +199,15 @@ class SlowReaders : public HttpServiceTest {
     v1::SolveRequest request;
     auto& problem = *request.mutable_problem();
     auto& hessian = *problem.mutable_hessian();
-    hessian.set_rows(kNumbers);
-    hessian.set_columns(kNumbers);
-    for (int i = 0; i < kNumbers; ++i) {
+    hessian.set_rows(kAnswerNumbers);
+    hessian.set_columns(kAnswerNumbers);
+    for (int i = 0; i < kAnswerNumbers; ++i) {
       problem.add_gradient(1.0 / (i + 3));
       hessian.add_column_pointers(i);
       hessian.add_row_indices(i);
       hessian.add_values(2.0);
     }
-    hessian.add_column_pointers(kNumbers);
+    hessian.add_column_pointers(kAnswerNumbers);
     return request;
   }
   std::string kept_answer() {
@@ -317,7 +317,7 @@ TEST_F(SlowReaders, GetAllOfItInTheEnd) {
   const std::string id = kept_answer();
   const auto whole = whole_answer(id);
   EXPECT_EQ(std::stoull(whole->get_header_value("Content-Length")), whole->body.size());
-  EXPECT_EQ(Json::parse(whole->body).at("solution").at("z").size(), static_cast<std::size_t>(kNumbers));
+  EXPECT_EQ(Json::parse(whole->body).at("solution").at("z").size(), static_cast<std::size_t>(kAnswerNumbers));
   const auto head = client().Head("/api/jobs/" + id + "/result");
   EXPECT_EQ(head->get_header_value("Content-Length"), whole->get_header_value("Content-Length"));
 }
