@@ -1,6 +1,10 @@
 // Provides the smooth function of a reference method: θ and a term for each row, with bounds as its only
 // constraints. K. Murty, "Algorithms for NLP with nonlinear constraints" (lectures). With a row's value v,
 // its weight μ and its multiplier π:
+//
+//   equality, and G·H of a pair    πv + μv²
+//   inequality, and G and H        (max(0, π − 2μv)² − π²) / 4μ      penalty (π = 0) and alag
+//                                  −μ log v                          barrier; its equalities: weight 1/μ
 #pragma once
 
 #include <array>
@@ -50,11 +54,6 @@ class OuterProducts {
   std::vector<Index> of_upper_;
   SparseMatrix first_, sum_;
 };
-
-//
-//   equality, and G·H of a pair    πv + μv²
-//   inequality, and G and H        (max(0, π − 2μv)² − π²) / 4μ      penalty (π = 0) and alag
-//                                  −μ log v                          barrier; its equalities: weight 1/μ
 
 /// An error of a caller's function, passed through the loop as an exception.
 struct Refused {
