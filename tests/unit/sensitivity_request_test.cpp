@@ -395,6 +395,19 @@ TEST(SensitivityRequest, DirectionsThatHaveNoChangeAreNamedAndTheOthersHaveTheir
   EXPECT_NEAR(sensitivity.gradients.g[2], -0.5, 1e-9);
 }
 
+TEST(SensitivityRequest, ASmallContradictionBesideALargeChangeIsStillOne) {
+  OwnedProblem p;  // z0 = 1, z1 = 1, 2 z1 = 2
+  p.Q = {2, 2, {0, 1, 2}, {0, 1}, {1.0, 1.0}};
+  p.g = {0.0, 0.0};
+  p.A = {3, 2, {0, 1, 3}, {0, 1, 2}, {1.0, 1.0, 2.0}};
+  p.b = {-1.0, -1.0, -2.0};
+  const Values b = {1.0, 1e-7, 0.0, 1.0, 1e-7, 2e-7};  // the last two agree in the second direction only
+  const Solution answer = asked(p, {.directions = {2, {.b = b}}});
+  const SensitivityAnswer& sensitivity = reported(answer);
+  EXPECT_EQ(sensitivity.changes.undefined, (std::vector<Index>{0}));
+  EXPECT_NEAR(sensitivity.changes.z[3], -1e-7, 1e-12);
+}
+
 TEST(SensitivityRequest, AmongManyAtOnceThoseWithoutAChangeLeaveTheOthersTheirs) {
   OwnedProblem p;  // min z0^2, z1 free
   p.Q = {2, 2, {0, 1, 1}, {0}, {2.0}};

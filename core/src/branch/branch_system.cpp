@@ -64,7 +64,7 @@ std::array<bool, BranchSystem<T>::kLanes> BranchSystem<T>::solve(int count) {
       const double now = lane(error, i);
       const bool is_exact = now <= tuning::rounding * size[i];
       ends[i] = is_exact || !(now <= tuning::exact_slowest * last[i]) || sweep == tuning::exact_sweeps;
-      solved[i] = is_exact || now <= tuning::near * size[i];
+      solved[i] = is_exact || (ends[i] && now <= tuning::near * size[i] && is_met_by_rows(i, size[i]));
       last[i] = now;
       if (!ends[i]) ++left;
     }
@@ -84,6 +84,24 @@ std::array<bool, BranchSystem<T>::kLanes> BranchSystem<T>::solve(int count) {
   for (Index i = 0; i < problem_.equalities(); ++i) sum += y[i];
   for (int i = 0; i < kLanes; ++i) solved[i] = solved[i] && std::isfinite(lane(sum, i));
   return solved;
+}
+
+// A row that keeps most of its own right-hand side contradicts others, even if that is small beside theirs.
+template <class T>
+bool BranchSystem<T>::is_met_by_rows(int i, double size) const {
+  const auto is_met = [&](const RowMatrix& rows, Index row, const T& residual) {
+    const double error = std::abs(lane(residual, i));
+    if (error <= tuning::rounding * size) return true;
+    double terms = 0.0;
+    for (Index k = rows.row_pointers[row]; k < rows.row_pointers[row + 1]; ++k)
+      terms += std::abs(rows.values[k] * lane(z[rows.column_indices[k]], i));
+    return error <= tuning::first_digit * terms;
+  };
+  for (Index row = 0; row < problem_.equalities(); ++row)
+    if (!is_met(problem_.A, row, right_y[row])) return false;
+  for (Index row = 0; row < problem_.layout.size(); ++row)
+    if (point_.set.held[row] != 0 && !is_met(problem_.rows, row, right_lambda[row])) return false;
+  return true;
 }
 
 // Sets the right-hand side of the first step, and the solution to 0.

@@ -39,8 +39,8 @@ class BranchSystem {
   /// Sets the whole right-hand side to 0.
   void clear();
   /// Solves the first `count` lanes with the current factor. Returns for each lane whether its solution is
-  /// accurate to at least half of the digits. If not, dependent rows contradict each other or the branch is
-  /// flat.
+  /// accurate to at least half of the digits, and each row to a digit of its own. If not, dependent rows
+  /// contradict each other or the branch is flat.
   [[nodiscard]] std::array<bool, kLanes> solve(int count);
   /// Returns the largest entry of the solution.
   [[nodiscard]] T largest() const;
@@ -52,6 +52,7 @@ class BranchSystem {
   [[nodiscard]] bool may_take_by_blas();
   void take_by_blas();
   void drop(int dropped_lane);
+  [[nodiscard]] bool is_met_by_rows(int lane, double size) const;
 
   const ScaledProblem& problem_;
   BranchPoint& point_;

@@ -124,7 +124,8 @@ void take_zero(const ScaledProblem& problem, Images& images, Solution& solution)
 }
 
 // Makes the solution, in which every number is finite. It is not solved if the run reports a point as solved
-// that is not, and almost_solved if the point is solved only in the scaled problem.
+// that is not, or as almost solved that is so only in the scaled problem; it is almost_solved if the point is
+// solved only there.
 Solution answer(const ScaledProblem& problem, const Options& options, const Ending& ending, const Iterate& x,
                 const Run& run) {
   Images images(problem);
@@ -139,8 +140,8 @@ Solution answer(const ScaledProblem& problem, const Options& options, const Endi
     solution.status = Status::numerical_failure;
     solution.detail +=
         "; no solution: stationarity is violated by " + scientific(user_stationarity(problem, images), 2);
-  } else if (ending.status == Status::solved && !is_balanced_in_user_units(problem, images, x)) {
-    solution.status = Status::almost_solved;
+  } else if (is_solved(ending.status) && !is_balanced_in_user_units(problem, images, x)) {
+    solution.status = ending.status == Status::solved ? Status::almost_solved : Status::numerical_failure;
     solution.detail += "; its numbers lie too far apart: stationarity is violated by " +
                        scientific(user_stationarity(problem, images), 2);
   }

@@ -323,7 +323,7 @@ void judge_answer(const ProblemView& p, const Options& options, const v1::Soluti
   expect_reported(p, answer, verdict);
   if (is_solved(x.status)) expect_feasible(answer, options, agreement);
   if (x.status == Status::solved && std::isfinite(verdict.stationarity))
-    FUZZ_JUDGE_AT_MOST(verdict.stationarity, kFirstDigit * (1.0 + kRounding));
+    FUZZ_JUDGE_AT_MOST(verdict.stationarity, std::max(kFirstDigit, agreement) * (1.0 + kRounding));
   const bool friendly = is_friendly(p);
   if (x.conflict) {
     FUZZ_JUDGE(options.explain && x.status == Status::infeasible);

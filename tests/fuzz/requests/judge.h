@@ -20,7 +20,8 @@ void expect_sound(const v1::Solution& answer);
 /// Sizes, and what is claimed of z and the multipliers: feasible, complementary, stationary on its branch,
 /// the reported violations and objective, certificates; of small problems also the global optimum,
 /// by enumeration. Of hostile data only the first digit of the stationarity is judged: more is a matter of
-/// scale. Equality rows hold to the options' tolerance, and to `agreement` relative to the largest term.
+/// scale. Equality rows hold to the options' tolerance, and to `agreement` relative to the largest term,
+/// which stationarity may also be off by.
 void judge_answer(const ProblemView& problem, const Options& options, const v1::Solution& answer,
                   double agreement = 0.0);
 
