@@ -39,6 +39,13 @@ TEST(Scaling, RowsAndColumnsEndNearNormOne) {
   }
 }
 
+void expect_same_scales(const ScaledProblem& found, const ScaledProblem& expected) {
+  EXPECT_EQ(found.variable_scale, expected.variable_scale);
+  EXPECT_EQ(found.equality_scale, expected.equality_scale);
+  EXPECT_EQ(found.row_scale, expected.row_scale);
+  EXPECT_EQ(found.cost_scale, expected.cost_scale);
+}
+
 // 0.1 + 0.1 + 0.1 - 0.3 is not 0: what rounding leaves of a sum has no units.
 TEST(Scaling, TakesNoUnitsFromWhatRoundingLeft) {
   OwnedProblem problem = random_problem({}, 1);
@@ -47,10 +54,7 @@ TEST(Scaling, TakesNoUnitsFromWhatRoundingLeft) {
   const ScaledProblem p = scale(Problem::create(problem.view()).value(), 10);
   problem.d[0] = 0.1 + 0.1 + 0.1 - 0.3;
   const ScaledProblem noisy = scale(Problem::create(problem.view()).value(), 10);
-  EXPECT_EQ(noisy.variable_scale, p.variable_scale);
-  EXPECT_EQ(noisy.equality_scale, p.equality_scale);
-  EXPECT_EQ(noisy.row_scale, p.row_scale);
-  EXPECT_EQ(noisy.cost_scale, p.cost_scale);
+  expect_same_scales(noisy, p);
 }
 
 // As at a robot's rest pose, where all constants are what rounding left.
@@ -61,10 +65,7 @@ TEST(Scaling, TakesNoUnitsFromConstantsFarBelowTheirRows) {
   const ScaledProblem p = scale(Problem::create(problem.view()).value(), 10);
   for (std::size_t i = 0; i < problem.b.size(); ++i) problem.b[i] = 1e-15 * static_cast<double>(i + 1);
   const ScaledProblem noisy = scale(Problem::create(problem.view()).value(), 10);
-  EXPECT_EQ(noisy.variable_scale, p.variable_scale);
-  EXPECT_EQ(noisy.equality_scale, p.equality_scale);
-  EXPECT_EQ(noisy.row_scale, p.row_scale);
-  EXPECT_EQ(noisy.cost_scale, p.cost_scale);
+  expect_same_scales(noisy, p);
 }
 
 // min z²/2 + z, z + 2^40 = 0, and the same with z = small z': only in the user's units is the constant noise.

@@ -97,10 +97,9 @@ Expected<void> take_block(const nlohmann::json& object, const std::filesystem::p
 Expected<CoupledFile> read_coupled(const std::string& path) {
   const auto bytes = formats::read_bytes(path);
   if (!bytes) return unexpected(bytes.error());
-  const nlohmann::json content = parsed<nlohmann::json>(*bytes);
-  if (!content.is_object())
-    return unexpected(
-        invalid("", "must be a JSON object, nested at most " + std::to_string(kDeepestJson) + " deep"));
+  const auto object = parsed_object(*bytes);
+  if (!object) return unexpected(object.error());
+  const nlohmann::json& content = *object;
   CoupledFile file;
   auto coupling_rhs = field_in<std::vector<double>>(content, "coupling_rhs");
   if (!coupling_rhs) return unexpected(coupling_rhs.error());

@@ -31,8 +31,6 @@
 namespace marble::cli {
 namespace {
 
-// Reads scenarios from files.
-
 /// The content of a file, and the arrays that it borrows. Must not move.
 struct ScenarioFile {
   ScenarioTable table;                                                          ///< from an .npz file
@@ -181,10 +179,9 @@ Expected<void> read_samples(const std::string& path, ScenarioFile& file) {
 Expected<void> read_sampler(const std::string& path, ScenarioFile& file) {
   const auto bytes = formats::read_bytes(path);
   if (!bytes) return unexpected(bytes.error());
-  const nlohmann::json content = parsed<nlohmann::json>(*bytes);
-  if (!content.is_object())
-    return unexpected(
-        invalid("", "must be a JSON object, nested at most " + std::to_string(kDeepestJson) + " deep"));
+  const auto object = parsed_object(*bytes);
+  if (!object) return unexpected(object.error());
+  const nlohmann::json& content = *object;
   for (const char* const name : {"first_stage", "own_equalities", "own_inequalities", "own_pairs"}) {
     const auto values = field_of<std::vector<double>>(content, name, {});
     if (!values) return unexpected(values.error());

@@ -4,6 +4,13 @@
 
 namespace marble::cli {
 
+Expected<nlohmann::json> parsed_object(std::string_view text) {
+  auto document = parsed<nlohmann::json>(text);
+  if (document.is_object()) return document;
+  return unexpected(
+      invalid("", "must be a JSON object, nested at most " + std::to_string(kDeepestJson) + " deep"));
+}
+
 Json to_json(const Error& error) {
   return {{"code", to_string(error.code)}, {"field", error.field}, {"index", error.index},
           {"value", error.value},          {"bound", error.bound}, {"message", error.message()}};

@@ -26,6 +26,9 @@ template <class Document = Json>
   return too_deep ? Document(Document::value_t::discarded) : document;
 }
 
+/// Parses a text as a JSON object. Errors: invalid_argument without a field.
+[[nodiscard]] Expected<nlohmann::json> parsed_object(std::string_view text);
+
 /// {code, field, index, value, bound, message}.
 [[nodiscard]] Json to_json(const Error& error);
 

@@ -52,7 +52,7 @@ class BranchSystem {
   [[nodiscard]] bool may_take_by_blas();
   void take_by_blas();
   void drop(int dropped_lane);
-  [[nodiscard]] bool is_met_by_rows(int lane, double size) const;
+  [[nodiscard]] bool is_met_by_rows(int i, double size) const;
 
   const ScaledProblem& problem_;
   BranchPoint& point_;

@@ -14,6 +14,7 @@
 
 #include "connection/target.h"
 #include "grpc/health/v1/health.grpc.pb.h"
+#include "marble/call_controls.h"
 #include "marble/connect_options.h"
 #include "marble/error.h"
 #include "marble/v1/service.grpc.pb.h"
@@ -39,6 +40,11 @@ class Connection {
   /// The same for a call that may have its own span. Errors: the span cannot be sent.
   [[nodiscard]] Expected<void> prepare(grpc::ClientContext& context, const std::string& traceparent,
                                        std::optional<std::chrono::duration<double>> deadline) const;
+
+  /// The same with the span and the deadline of these controls.
+  [[nodiscard]] Expected<void> prepare(grpc::ClientContext& context, const CallControls& call) const {
+    return prepare(context, call.traceparent, deadline_of(call.deadline));
+  }
 
   /// Returns the call's own deadline, else the connection's.
   [[nodiscard]] std::optional<std::chrono::duration<double>> deadline_of(

@@ -26,9 +26,7 @@ auto solve_remotely(const Connection& connection, const v1::SolveStreamRequest& 
                     const CoupledControls& controls, const CallControls& call, const Read& read)
     -> decltype(read(v1::SolveResponse())) {
   grpc::ClientContext context;
-  if (auto ready = connection.prepare(context, call.traceparent, connection.deadline_of(call.deadline));
-      !ready)
-    return unexpected(ready.error());
+  if (auto ready = connection.prepare(context, call); !ready) return unexpected(ready.error());
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   const auto reader = connection.solver().SolveCoupled(&context, request);
   ReportedIterations reported(controls);
@@ -73,9 +71,7 @@ Expected<RemoteScenarios> solve_scenarios_remotely(const Connection& connection,
   const auto request = make_request(problem, sampler, settings, call);
   if (!request) return unexpected(request.error());
   grpc::ClientContext context;
-  if (auto ready = connection.prepare(context, call.traceparent, connection.deadline_of(call.deadline));
-      !ready)
-    return unexpected(ready.error());
+  if (auto ready = connection.prepare(context, call); !ready) return unexpected(ready.error());
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   const auto reader = connection.solver().SolveScenarios(&context, *request);
   v1::SolveResponse result;

@@ -30,10 +30,7 @@ class RemotePending final : public PendingSolution::State,
 
   // Makes a unary call if no events are requested: gRPC can retry it elsewhere until it has a response.
   [[nodiscard]] Expected<void> begin() {
-    if (auto ready =
-            connection_->prepare(context_, call_.traceparent, connection_->deadline_of(call_.deadline));
-        !ready)
-      return ready;
+    if (auto ready = connection_->prepare(context_, call_); !ready) return ready;
     if (reports_) {
       connection_->solver().async()->SolveStream(&context_, &request_, this);
       StartRead(&event_);

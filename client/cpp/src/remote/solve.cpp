@@ -31,9 +31,7 @@ Expected<RemoteSolution> solve_remotely(const Connection& connection, const Prob
   const auto request = make_request(problem, options, controls, call);
   if (!request) return unexpected(request.error());
   grpc::ClientContext context;
-  if (auto ready = connection.prepare(context, call.traceparent, connection.deadline_of(call.deadline));
-      !ready)
-    return unexpected(ready.error());
+  if (auto ready = connection.prepare(context, call); !ready) return unexpected(ready.error());
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   auto answer = wants_events(controls.progress, controls.activity, call)
                     ? streamed(connection, *request, context, controls, call)
