@@ -84,9 +84,7 @@ Expected<OwnedProblem> Assembler::finish(const std::string& name) const {
                {&problem.L, &left_.entries, left_.offsets.size(), "L"},
                {&problem.R, &right_.entries, right_.offsets.size(), "R"}};
   for (const auto& part : parts) {
-    auto made = matrix(variables(), *part.entries, part.rows, part.field);
-    if (!made) return unexpected(made.error());
-    *part.out = std::move(*made);
+    MARBLE_ASSIGN_OR_RETURN(*part.out, matrix(variables(), *part.entries, part.rows, part.field));
   }
   problem.g = g_;
   problem.c0 = c0_;
@@ -94,7 +92,7 @@ Expected<OwnedProblem> Assembler::finish(const std::string& name) const {
   problem.d = inequalities_.offsets;
   problem.l = left_.offsets;
   problem.r = right_.offsets;
-  if (const auto valid = Problem::create(problem.view()); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(Problem::create(problem.view()));
   return problem;
 }
 

@@ -42,9 +42,8 @@ Expected<ProblemFile> refuse_mat(const std::string& path) {
 }
 
 Expected<ProblemFile> read_nl(const std::string& path) {
-  const auto content = read_bytes(path);
-  if (!content) return unexpected(content.error());
-  return parse_nl(*content, name_of(path), NlNames::beside(path.substr(0, path.size() - 3)));
+  MARBLE_ASSIGN_OR_RETURN(const auto content, read_bytes(path));
+  return parse_nl(content, name_of(path), NlNames::beside(path.substr(0, path.size() - 3)));
 }
 
 }  // namespace

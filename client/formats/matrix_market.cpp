@@ -27,22 +27,21 @@ class Reader {
       : rest_(content), part_(std::move(part)), most_(most) {}
 
   Expected<TableMatrix> read() {
-    const auto banner = read_banner();
-    if (!banner) return unexpected(banner.error());
+    MARBLE_ASSIGN_OR_RETURN(const auto banner, read_banner());
     skip_comments();
     const std::int64_t rows = integer(0, most_), columns = integer(0, most_);
     TableMatrix table{static_cast<Index>(rows), static_cast<Index>(columns)};
-    if (banner->coordinate) {
+    if (banner.coordinate) {
       for (std::int64_t left = integer(0, kMost); left > 0 && !failed_; --left) {
         const auto row = static_cast<Index>(integer(1, rows) - 1);
         const auto column = static_cast<Index>(integer(1, columns) - 1);
-        add(table, *banner, row, column, real());
+        add(table, banner, row, column, real());
       }
     } else {
       for (Index column = 0; column < table.columns && !failed_; ++column) {
-        const Index first = banner->skew ? column + 1 : banner->symmetric ? column : 0;
+        const Index first = banner.skew ? column + 1 : banner.symmetric ? column : 0;
         for (Index row = first; row < table.rows && !failed_; ++row) {
-          if (const double value = real(); value != 0.0) add(table, *banner, row, column, value);
+          if (const double value = real(); value != 0.0) add(table, banner, row, column, value);
         }
       }
     }
@@ -178,9 +177,8 @@ Expected<ProblemFile> parse_matrix_market(const MatrixMarketParts& parts, const 
   const auto read = [&](const char* part) -> Expected<std::optional<TableMatrix>> {
     const auto found = parts.find(part);
     if (found == parts.end()) return std::nullopt;
-    auto table = Reader(found->second, part, most).read();
-    if (!table) return unexpected(table.error());
-    return std::move(*table);
+    MARBLE_ASSIGN_OR_RETURN(auto table, Reader(found->second, part, most).read());
+    return table;
   };
   return assemble_tables(read, name);
 }

@@ -28,10 +28,9 @@ class NpzReader {
       if (!values) return unexpected(values.error());
       return sparse(name, **values);
     }
-    const auto dense = array(name, "");
-    if (!dense) return unexpected(dense.error());
-    if (!*dense) return std::nullopt;
-    return table_of(name, **dense);
+    MARBLE_ASSIGN_OR_RETURN(const auto dense, array(name, ""));
+    if (!dense) return std::nullopt;
+    return table_of(name, *dense);
   }
 
   Expected<std::map<std::string, NpyArray>> all() {
@@ -41,9 +40,8 @@ class NpzReader {
       std::string name = entry != nullptr ? entry : "";
       if (!name.ends_with(".npy")) continue;
       name.resize(name.size() - 4);
-      auto parsed = array(name, "");
-      if (!parsed) return unexpected(parsed.error());
-      if (*parsed) arrays.emplace(std::move(name), **std::move(parsed));
+      MARBLE_ASSIGN_OR_RETURN(auto parsed, array(name, ""));
+      if (parsed) arrays.emplace(std::move(name), *std::move(parsed));
     }
     return arrays;
   }
@@ -71,9 +69,8 @@ class NpzReader {
     if (file == nullptr ||
         zip_fread(file.get(), bytes.data(), bytes.size()) != static_cast<zip_int64_t>(bytes.size()))
       return unexpected(invalid(name + suffix, "cannot be read"));
-    auto parsed = parse_npy(bytes, name + suffix);
-    if (!parsed) return unexpected(parsed.error());
-    return std::move(*parsed);
+    MARBLE_ASSIGN_OR_RETURN(auto parsed, parse_npy(bytes, name + suffix));
+    return parsed;
   }
 
   [[nodiscard]] Expected<std::optional<TableMatrix>> table_of(const std::string& name,
@@ -200,22 +197,19 @@ Expected<NpzReader> reader_of(std::string_view bytes) {
 }  // namespace
 
 Expected<ProblemFile> parse_npz(std::string_view bytes, const std::string& name) {
-  auto reader = reader_of(bytes);
-  if (!reader) return unexpected(reader.error());
-  return assemble_tables([&](const char* part) { return reader->read(part); }, name);
+  MARBLE_ASSIGN_OR_RETURN(auto reader, reader_of(bytes));
+  return assemble_tables([&](const char* part) { return reader.read(part); }, name);
 }
 
 Expected<std::map<std::string, NpyArray>> read_npz_arrays(const std::string& path) {
-  const auto bytes = read_bytes(path);
-  if (!bytes) return unexpected(bytes.error());
-  auto reader = reader_of(*bytes);
+  MARBLE_ASSIGN_OR_RETURN(const auto bytes, read_bytes(path));
+  auto reader = reader_of(bytes);
   return reader ? reader->all() : unexpected(reader.error());
 }
 
 Expected<ProblemFile> read_npz(const std::string& path, const std::string& name) {
-  const auto bytes = read_bytes(path);
-  if (!bytes) return unexpected(bytes.error());
-  return parse_npz(*bytes, name);
+  MARBLE_ASSIGN_OR_RETURN(const auto bytes, read_bytes(path));
+  return parse_npz(bytes, name);
 }
 
 Expected<void> write_npz(const ProblemFile& file, const std::string& path) {
@@ -233,7 +227,7 @@ Expected<void> write_npz(const ProblemFile& file, const std::string& path) {
     if (!writer.add(name, write_npy(vector))) return unexpected(unwritable);
     return {};
   };
-  if (auto written = write_tables(file, sink); !written) return written;
+  MARBLE_RETURN_IF_ERROR(write_tables(file, sink));
   if (!writer.close()) return unexpected(unwritable);
   return {};
 }

@@ -36,10 +36,9 @@ Expected<std::vector<double>> vector_of(const TableMatrix& table, std::size_t si
 }
 
 Expected<std::vector<double>> read_vector(const TableReader& read, const char* name, std::size_t size) {
-  const auto table = read(name);
-  if (!table) return unexpected(table.error());
-  if (!*table) return std::vector<double>(size, 0.0);
-  return vector_of(**table, size, name);
+  MARBLE_ASSIGN_OR_RETURN(const auto table, read(name));
+  if (!table) return std::vector<double>(size, 0.0);
+  return vector_of(*table, size, name);
 }
 
 // Fills in the other triangle.
@@ -65,56 +64,43 @@ Expected<ProblemFile> assemble_tables(const TableReader& read, const std::string
   OwnedProblem& problem = file.problem;
   problem.name = name;
   const auto missing = [](const char* what) { return unexpected(invalid(what, "is missing")); };
-  const auto Q = read("Q");
-  if (!Q) return unexpected(Q.error());
-  if (!*Q) return missing("Q");
-  const auto n = static_cast<std::size_t>(std::max((*Q)->rows, (*Q)->columns));
-  auto compressed = compress((*Q)->rows, (*Q)->columns, (*Q)->entries, "Q");
-  if (!compressed) return unexpected(compressed.error());
-  problem.Q = std::move(*compressed);
+  MARBLE_ASSIGN_OR_RETURN(const auto Q, read("Q"));
+  if (!Q) return missing("Q");
+  const auto n = static_cast<std::size_t>(std::max(Q->rows, Q->columns));
+  MARBLE_ASSIGN_OR_RETURN(problem.Q, compress(Q->rows, Q->columns, Q->entries, "Q"));
   if (const auto g = read("g"); g && !*g) return missing("g");
-  auto g = read_vector(read, "g", n);
-  if (!g) return unexpected(g.error());
-  problem.g = std::move(*g);
+  MARBLE_ASSIGN_OR_RETURN(problem.g, read_vector(read, "g", n));
   for (const BlockNames& block : kBlocks) {
-    const auto matrix = read(block.matrix);
-    if (!matrix) return unexpected(matrix.error());
-    const Index rows = *matrix ? (*matrix)->rows : 0;
-    auto part = *matrix ? compress(rows, (*matrix)->columns, (*matrix)->entries, block.matrix)
-                        : compress(0, static_cast<Index>(n), {}, block.matrix);
-    if (!part) return unexpected(part.error());
-    problem.*block.matrix_part = std::move(*part);
-    auto vector = read_vector(read, block.vector, static_cast<std::size_t>(rows));
-    if (!vector) return unexpected(vector.error());
-    problem.*block.vector_part = std::move(*vector);
+    MARBLE_ASSIGN_OR_RETURN(const auto matrix, read(block.matrix));
+    const Index rows = matrix ? matrix->rows : 0;
+    MARBLE_ASSIGN_OR_RETURN(problem.*block.matrix_part,
+                            matrix ? compress(rows, matrix->columns, matrix->entries, block.matrix)
+                                   : compress(0, static_cast<Index>(n), {}, block.matrix));
+    MARBLE_ASSIGN_OR_RETURN(problem.*block.vector_part,
+                            read_vector(read, block.vector, static_cast<std::size_t>(rows)));
   }
-  const auto c0 = read_vector(read, "c0", 1);
-  if (!c0) return unexpected(c0.error());
-  problem.c0 = c0->front();
-  const auto x0_table = read("x0");
-  if (!x0_table) return unexpected(x0_table.error());
-  if (*x0_table) {
-    auto x0 = vector_of(**x0_table, n, "x0");
-    if (!x0) return unexpected(x0.error());
-    problem.initial_z = std::move(*x0);
+  MARBLE_ASSIGN_OR_RETURN(const auto c0, read_vector(read, "c0", 1));
+  problem.c0 = c0.front();
+  MARBLE_ASSIGN_OR_RETURN(const auto x0_table, read("x0"));
+  if (x0_table) {
+    MARBLE_ASSIGN_OR_RETURN(problem.initial_z, vector_of(*x0_table, n, "x0"));
   }
-  if (const auto valid = Problem::create(problem.view()); !valid) return unexpected(valid.error());
-  if (auto valid = Problem::check_initial_point(problem.initial_z, static_cast<Index>(n)); !valid)
-    return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(Problem::create(problem.view()));
+  MARBLE_RETURN_IF_ERROR(Problem::check_initial_point(problem.initial_z, static_cast<Index>(n)));
   return file;
 }
 
 Expected<void> write_tables(const ProblemFile& file, const TableSink& sink) {
   const OwnedProblem& problem = file.problem;
-  if (auto written = sink.matrix("Q", in_full(problem)); !written) return written;
-  if (auto written = sink.vector("g", problem.g); !written) return written;
+  MARBLE_RETURN_IF_ERROR(sink.matrix("Q", in_full(problem)));
+  MARBLE_RETURN_IF_ERROR(sink.vector("g", problem.g));
   for (const BlockNames& block : kBlocks) {
     if ((problem.*block.vector_part).empty()) continue;
-    if (auto written = sink.matrix(block.matrix, problem.*block.matrix_part); !written) return written;
-    if (auto written = sink.vector(block.vector, problem.*block.vector_part); !written) return written;
+    MARBLE_RETURN_IF_ERROR(sink.matrix(block.matrix, problem.*block.matrix_part));
+    MARBLE_RETURN_IF_ERROR(sink.vector(block.vector, problem.*block.vector_part));
   }
   if (problem.c0 != 0.0) {
-    if (auto written = sink.vector("c0", {problem.c0}); !written) return written;
+    MARBLE_RETURN_IF_ERROR(sink.vector("c0", {problem.c0}));
   }
   return problem.initial_z.empty() ? Expected<void>() : sink.vector("x0", problem.initial_z);
 }

@@ -370,7 +370,7 @@ Expected<Lanes> Lanes::open(const Target& target, const std::vector<LoadedEntry>
     const int streams = entries[i].mode == Mode::session ? plan.clients : target.connections();
     for (int client = 0; client < streams; ++client) {
       auto lane = std::make_unique<StreamLane>(target, entries[i], static_cast<std::size_t>(client), done);
-      if (auto opened = lane->open(); !opened) return unexpected(opened.error());
+      MARBLE_RETURN_IF_ERROR(lane->open());
       lanes.push_back(std::move(lane));
     }
   }

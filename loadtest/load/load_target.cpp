@@ -5,8 +5,7 @@
 namespace marble::load {
 
 Expected<Target> Target::open(const std::string& address, const ConnectOptions& options, int connections) {
-  const auto name = client::target_of(address);
-  if (!name) return unexpected(name.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto name, client::target_of(address));
   ConnectOptions own = options;
   own.own_connection = true;
   own.retries = false;
@@ -15,9 +14,8 @@ Expected<Target> Target::open(const std::string& address, const ConnectOptions& 
   target.name_ = options.name;
   if (!options.token.empty()) target.authorization_ = "Bearer " + options.token;
   for (int i = 0; i < connections; ++i) {
-    auto channel = client::open_channel(*name, own);
-    if (!channel) return unexpected(channel.error());
-    target.stubs_.push_back(std::make_unique<Stub>(std::move(*channel)));
+    MARBLE_ASSIGN_OR_RETURN(auto channel, client::open_channel(name, own));
+    target.stubs_.push_back(std::make_unique<Stub>(std::move(channel)));
   }
   return target;
 }

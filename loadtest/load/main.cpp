@@ -233,8 +233,8 @@ Expected<Scenario> scenario_of(const Arguments& a) {
   for (const std::string& option : a.options) {
     const std::size_t equals = option.find('=');
     if (equals == std::string::npos) return unexpected(invalid("--option", option, "must be NAME=VALUE"));
-    const auto set = set_option_text(entry.options, option.substr(0, equals), option.substr(equals + 1));
-    if (!set) return unexpected(set.error());
+    MARBLE_RETURN_IF_ERROR(
+        set_option_text(entry.options, option.substr(0, equals), option.substr(equals + 1)));
   }
   return Scenario{{entry}};
 }

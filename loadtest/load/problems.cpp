@@ -63,7 +63,7 @@ Expected<std::vector<OwnedProblem>> problems_of(const Entry& entry) {
       result.push_back(example(entry.problem, entry.size, static_cast<std::uint64_t>(k)));
   }
   for (const OwnedProblem& p : result) {
-    if (const auto valid = Problem::create(p.view()); !valid) return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(Problem::create(p.view()));
     if (!same_pattern(p, result.front()))
       return unexpected(invalid("variants", std::to_string(entry.variants),
                                 "their matrices have not all the same pattern: fewer may have"));

@@ -65,10 +65,9 @@ Expected<RampResult> ramp(const RunParts& parts, const Plan& plan, const RampPla
   for (int step = 0; step < limits.most_steps; ++step) {
     Plan one = plan;
     one.rate_per_s = rate;
-    auto measured = run(parts, one, stop);
-    if (!measured) return unexpected(measured.error());
-    if (measured->ending == Ending::interrupted) break;
-    RampStep done{rate, false, why_not(*measured, limits), std::move(*measured)};
+    MARBLE_ASSIGN_OR_RETURN(auto measured, run(parts, one, stop));
+    if (measured.ending == Ending::interrupted) break;
+    RampStep done{rate, false, why_not(measured, limits), std::move(measured)};
     done.holds = done.why_not.empty();
     (done.holds ? holds : fails) = rate;
     if (reported) reported(done);
@@ -92,17 +91,15 @@ Expected<OverloadResult> overload(const RunParts& parts, const Plan& plan, const
   Plan closed = plan;
   closed.loop = Loop::closed;
   closed.clients = 2 * workers;
-  auto capacity = run(parts, closed, stop);
-  if (!capacity) return unexpected(capacity.error());
-  result.capacity_per_s = capacity->answers_per_s;
+  MARBLE_ASSIGN_OR_RETURN(auto capacity, run(parts, closed, stop));
+  result.capacity_per_s = capacity.answers_per_s;
   for (const double level : levels) {
     if (stop.stop_requested() || result.capacity_per_s <= 0.0) break;
     Plan one = plan;
     one.loop = Loop::open;
     one.rate_per_s = level * result.capacity_per_s;
-    auto measured = run(parts, one, stop);
-    if (!measured) return unexpected(measured.error());
-    result.steps.push_back({level, result.capacity_per_s, std::move(*measured)});
+    MARBLE_ASSIGN_OR_RETURN(auto measured, run(parts, one, stop));
+    result.steps.push_back({level, result.capacity_per_s, std::move(measured)});
     if (reported) reported(result.steps.back());
   }
   return result;

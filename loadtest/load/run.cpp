@@ -323,9 +323,8 @@ Expected<RunResult> run(const RunParts& parts, const Plan& plan, const std::stop
     dispatcher->done(*lanes, work);
   };
 
-  auto opened = Lanes::open(parts.target, parts.entries, plan, done);
-  if (!opened) return unexpected(opened.error());
-  lanes.emplace(std::move(*opened));
+  MARBLE_ASSIGN_OR_RETURN(auto opened, Lanes::open(parts.target, parts.entries, plan, done));
+  lanes.emplace(std::move(opened));
   dispatcher.emplace(plan, parts.entries, Clock::now());
   {
     Log log(parts, recorder, result, dispatcher->measured_from());

@@ -199,7 +199,7 @@ Expected<Scenario> parse_scenario(const std::string& text, const std::filesystem
                               std::string(error.description())));
   }
   Scenario scenario;
-  if (auto read = Reader(path, scenario).read(parsed.table()); !read) return unexpected(read.error());
+  MARBLE_RETURN_IF_ERROR(Reader(path, scenario).read(parsed.table()));
   return scenario;
 }
 

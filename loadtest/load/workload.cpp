@@ -86,9 +86,8 @@ grpc::ByteBuffer request_of(const LoadedEntry& loaded, const OwnedProblem& probl
 Expected<std::vector<LoadedEntry>> load(const Scenario& scenario, Mode mode) {
   std::vector<LoadedEntry> result;
   for (const Entry& entry : scenario.entries) {
-    auto problems = problems_of(entry);
-    if (!problems) return unexpected(problems.error());
-    LoadedEntry loaded{entry, entry.mode.value_or(mode), std::move(*problems), {}, {}};
+    MARBLE_ASSIGN_OR_RETURN(auto problems, problems_of(entry));
+    LoadedEntry loaded{entry, entry.mode.value_or(mode), std::move(problems), {}, {}};
     if (loaded.mode == Mode::session) loaded.setup = setup_of(entry, loaded.problems.front());
     for (const OwnedProblem& problem : loaded.problems)
       loaded.requests.push_back(request_of(loaded, problem));

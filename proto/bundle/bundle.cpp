@@ -153,9 +153,9 @@ void make_anonymous(std::string* request) {
 
 Expected<void> write_bundle(const Bundle& bundle, const BundleSink& sink) {
   v1::SolveRequest request;
-  if (auto read = parse(bundle.request, kRequestFile, &request); !read) return read;
+  MARBLE_RETURN_IF_ERROR(parse(bundle.request, kRequestFile, &request));
   v1::SolveResponse answer;
-  if (auto read = parse(bundle.answer, kAnswerFile, &answer); !read) return read;
+  MARBLE_RETURN_IF_ERROR(parse(bundle.answer, kAnswerFile, &answer));
   TarZstWriter archive(sink);
   const auto when = static_cast<std::int64_t>(bundle.facts.job().job().accepted_unix_s());
   Expected<void> written;
@@ -213,28 +213,22 @@ Expected<Bundle> read_bundle(std::string_view file) {
   const auto take = [&](std::string_view path, std::string content) {
     parts[last_part(path)] = std::move(content);
   };
-  if (auto read = read_tar_zst(file, kLeastUnpacked + kMostRatio * file.size(), ask, take); !read)
-    return unexpected(read.error());
+  MARBLE_RETURN_IF_ERROR(read_tar_zst(file, kLeastUnpacked + kMostRatio * file.size(), ask, take));
   for (const char* name : {kFactsFile, kRequestFile}) {
     if (!parts.contains(name)) return unexpected(damaged(std::string(name) + " is not in it"));
   }
   Bundle bundle{{}, std::move(parts[kRequestFile]), std::move(parts[kAnswerFile])};
-  if (auto valid = check_part<v1::JobBundle>(parts[kFactsFile], kFactsFile, most); !valid)
-    return unexpected(valid.error());
-  if (auto valid = check_part<v1::SolveRequest>(bundle.request, kRequestFile, most); !valid)
-    return unexpected(valid.error());
-  if (auto valid = check_part<v1::SolveResponse>(bundle.answer, kAnswerFile, most); !valid)
-    return unexpected(valid.error());
-  if (auto read = parse(parts[kFactsFile], kFactsFile, &bundle.facts); !read) return unexpected(read.error());
+  MARBLE_RETURN_IF_ERROR(check_part<v1::JobBundle>(parts[kFactsFile], kFactsFile, most));
+  MARBLE_RETURN_IF_ERROR(check_part<v1::SolveRequest>(bundle.request, kRequestFile, most));
+  MARBLE_RETURN_IF_ERROR(check_part<v1::SolveResponse>(bundle.answer, kAnswerFile, most));
+  MARBLE_RETURN_IF_ERROR(parse(parts[kFactsFile], kFactsFile, &bundle.facts));
   const auto check = [](std::int64_t reported, const std::string& there, const char* name) -> Expected<void> {
     if (reported == static_cast<std::int64_t>(there.size())) return {};
     return unexpected(damaged(std::string(name) + " has " + std::to_string(there.size()) + " bytes, not " +
                               std::to_string(reported)));
   };
-  if (auto whole = check(bundle.facts.request_bytes(), bundle.request, kRequestFile); !whole)
-    return unexpected(whole.error());
-  if (auto whole = check(bundle.facts.answer_bytes(), bundle.answer, kAnswerFile); !whole)
-    return unexpected(whole.error());
+  MARBLE_RETURN_IF_ERROR(check(bundle.facts.request_bytes(), bundle.request, kRequestFile));
+  MARBLE_RETURN_IF_ERROR(check(bundle.facts.answer_bytes(), bundle.answer, kAnswerFile));
   return bundle;
 }
 

@@ -69,7 +69,7 @@ class Unpacked {
     left_ -= count;
     while (count > 0) {
       if (at_ == end_) {
-        if (auto more = unpack(); !more) return more;
+        MARBLE_RETURN_IF_ERROR(unpack());
         if (at_ == end_) return unexpected(damaged("it is cut off"));
       }
       const auto some = static_cast<std::size_t>(std::min<std::uint64_t>(count, end_ - at_));
@@ -84,7 +84,7 @@ class Unpacked {
     for (at_ = end_; end_ != 0;) {
       if (end_ > left_) return unexpected(damaged("too much follows the archive"));
       left_ -= end_;
-      if (auto more = unpack(); !more) return more;
+      MARBLE_RETURN_IF_ERROR(unpack());
     }
     return {};
   }
@@ -134,7 +134,7 @@ Expected<void> TarZstWriter::put(std::string_view bytes, ZSTD_EndDirective end) 
     if (ZSTD_isError(left) != 0)
       return unexpected(failure(ErrorCode::internal, std::string("zstd: ") + ZSTD_getErrorName(left)));
     if (output.pos == 0) continue;
-    if (auto taken = sink_({packed_.data(), output.pos}); !taken) return taken;
+    MARBLE_RETURN_IF_ERROR(sink_({packed_.data(), output.pos}));
   }
   return {};
 }
@@ -152,7 +152,7 @@ Expected<void> TarZstWriter::add(const std::string& name, std::uint64_t size, st
   std::copy(kUstar.begin(), kUstar.end(), header.begin() + kMagic.at);
   set_octal(header, {kSum.at, kSum.bytes - 1}, sum_of(header));
   header[kSum.at + kSum.bytes - 1] = ' ';
-  if (auto made = put({header.data(), header.size()}); !made) return made;
+  MARBLE_RETURN_IF_ERROR(put({header.data(), header.size()}));
   if (auto reported = content([this](std::string_view bytes) { return put(bytes); }); !reported)
     return reported;
   const std::string padding(padding_of(size), '\0');
@@ -173,7 +173,7 @@ Expected<void> read_tar_zst(
       std::copy(bytes.begin(), bytes.end(), header.begin() + at);
       at += bytes.size();
     };
-    if (auto read = unpacked.next(kBlock, fill); !read) return read;
+    MARBLE_RETURN_IF_ERROR(unpacked.next(kBlock, fill));
     if (std::ranges::all_of(header, [](char c) { return c == '\0'; })) return unpacked.finish();
     std::uint64_t sum = 0, size = 0;
     if (!get_octal(header, kSum, sum) || sum != sum_of(header) || !get_octal(header, kSize, size))
@@ -181,16 +181,14 @@ Expected<void> read_tar_zst(
     const std::string_view name(header.data(), strnlen(header.data(), kNameBytes));
     TarTake how = TarTake::skip;
     if (header[kType.at] == '0' || header[kType.at] == '\0') {
-      const auto asked = ask(name, size);
-      if (!asked) return unexpected(asked.error());
-      how = *asked;
+      MARBLE_ASSIGN_OR_RETURN(how, ask(name, size));
     }
     std::string content;
     const auto keep = [&](std::string_view bytes) {
       if (how == TarTake::keep) content.append(bytes);
     };
-    if (auto read = unpacked.next(size, keep); !read) return read;
-    if (auto read = unpacked.next(padding_of(size), [](std::string_view) {}); !read) return read;
+    MARBLE_RETURN_IF_ERROR(unpacked.next(size, keep));
+    MARBLE_RETURN_IF_ERROR(unpacked.next(padding_of(size), [](std::string_view) {}));
     if (how == TarTake::keep) take(name, std::move(content));
   }
 }

@@ -192,7 +192,7 @@ Expected<Options> options_of(const v1::SolveOptions& message, const Options& def
 #define MARBLE_OPTION(type, member, default_value, low, high, unit, doc) take_##member(message, options);
 #include "marble/options.def"
 #undef MARBLE_OPTION
-  if (auto valid = validate_ranges(options); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(validate_ranges(options));
   return options;
 }
 

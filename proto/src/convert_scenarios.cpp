@@ -39,9 +39,9 @@ Expected<ScenarioEntries> entries_of(const v1::ScenarioEntries& message, const s
 Expected<ScenarioTable> table_of(const v1::ScenarioSamples& message) {
   ScenarioTable table{.values = span_of(message.values()), .weights = span_of(message.weights())};
   for (int e = 0; e < message.entries_size(); ++e) {
-    auto entries = entries_of(message.entries(e), "samples.entries[" + std::to_string(e) + "]");
-    if (!entries) return unexpected(entries.error());
-    table.entries.push_back(*entries);
+    MARBLE_ASSIGN_OR_RETURN(auto entries,
+                            entries_of(message.entries(e), "samples.entries[" + std::to_string(e) + "]"));
+    table.entries.push_back(entries);
   }
   return table;
 }
@@ -62,10 +62,10 @@ Expected<ScenarioSampler> sampler_of(const v1::ScenarioSampler& message) {
     if (given.has_least()) quantity.least = given.least();
     if (given.has_most()) quantity.most = given.most();
     for (int e = 0; e < given.effects_size(); ++e) {
-      const auto entries =
-          entries_of(given.effects(e).entries(), name + ".effects[" + std::to_string(e) + "].entries");
-      if (!entries) return unexpected(entries.error());
-      quantity.effects.push_back({*entries, span_of(given.effects(e).gains())});
+      MARBLE_ASSIGN_OR_RETURN(
+          const auto entries,
+          entries_of(given.effects(e).entries(), name + ".effects[" + std::to_string(e) + "].entries"));
+      quantity.effects.push_back({entries, span_of(given.effects(e).gains())});
     }
     sampler.quantities.push_back(std::move(quantity));
   }
@@ -142,13 +142,12 @@ Expected<void> to_message(const ScenarioProblem& problem, std::int64_t count, v1
   std::vector<ScenarioNumbers> scenarios;
   bool constant = false, weights = false;
   for (std::int64_t i = 0; i < std::min(count, problem.scenarios); ++i) {
-    auto scenario = problem.sample(i);
-    if (!scenario) return unexpected(scenario.error());
-    if (auto valid = sizes.check(scenario->update()); !valid)
+    MARBLE_ASSIGN_OR_RETURN(auto scenario, problem.sample(i));
+    if (auto valid = sizes.check(scenario.update()); !valid)
       return unexpected(inside("scenario[" + std::to_string(i) + "]", valid.error()));
-    constant = constant || scenario->c0.value_or(view.c0) != view.c0;
-    weights = weights || scenario->weight != 1.0;
-    scenarios.push_back(*std::move(scenario));
+    constant = constant || scenario.c0.value_or(view.c0) != view.c0;
+    weights = weights || scenario.weight != 1.0;
+    scenarios.push_back(std::move(scenario));
   }
   using enum ProblemPart;
   using N = ScenarioNumbers;

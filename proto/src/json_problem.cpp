@@ -99,9 +99,9 @@ Expected<JsonProblem> problem_of(JsonParts parts, const std::string& name) {
 #define MARBLE_VECTOR(letter, field) p.letter = std::move(parts.letter.values);
 #include "marble/contract.def"
   p.initial_z = std::move(parts.x0.values);
-  if (auto valid = check_entries(p.g, "g", n); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_entries(p.g, "g", n));
   if (parts.x0.present) {
-    if (auto valid = check_entries(p.initial_z, "x0", n); !valid) return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(check_entries(p.initial_z, "x0", n));
   }
   if (p.r.size() != p.l.size()) {
     return unexpected(invalid("r", std::to_string(p.r.size()) + " entries",
@@ -119,9 +119,7 @@ Expected<JsonProblem> problem_of(JsonParts parts, const std::string& name) {
 #include "marble/contract.def"
   };
   for (const auto& [key, part, rows, rows_rule, into] : matrices) {
-    auto matrix = take_matrix(part, key, rows, &into == &p.Q ? "n" : rows_rule, n);
-    if (!matrix) return unexpected(matrix.error());
-    into = std::move(*matrix);
+    MARBLE_ASSIGN_OR_RETURN(into, take_matrix(part, key, rows, &into == &p.Q ? "n" : rows_rule, n));
   }
   if (const auto valid = Problem::create(p.view()); !valid) {
     return unexpected(in_terms_of_file(valid.error(), parts, p));
@@ -132,18 +130,16 @@ Expected<JsonProblem> problem_of(JsonParts parts, const std::string& name) {
 }  // namespace
 
 Expected<JsonProblem> parse_json(std::string_view text, const std::string& name) {
-  auto parts = json::read_json_parts(text);
-  if (!parts) return unexpected(parts.error());
-  return problem_of(std::move(*parts), name);
+  MARBLE_ASSIGN_OR_RETURN(auto parts, json::read_json_parts(text));
+  return problem_of(std::move(parts), name);
 }
 
 Expected<JsonRequest> parse_json_request(std::string_view text, std::span<const std::string_view> members) {
-  auto read = json::read_json_request(text, members);
-  if (!read) return unexpected(read.error());
-  if (!read->problem) return JsonRequest{std::nullopt, std::move(read->rest)};
-  auto problem = problem_of(std::move(*read->problem), "");
-  if (!problem) return unexpected(read->bare ? problem.error() : inside("problem", problem.error()));
-  return JsonRequest{std::move(*problem), std::move(read->rest)};
+  MARBLE_ASSIGN_OR_RETURN(auto read, json::read_json_request(text, members));
+  if (!read.problem) return JsonRequest{std::nullopt, std::move(read.rest)};
+  auto problem = problem_of(std::move(*read.problem), "");
+  if (!problem) return unexpected(read.bare ? problem.error() : inside("problem", problem.error()));
+  return JsonRequest{std::move(*problem), std::move(read.rest)};
 }
 
 std::string write_json(const OwnedProblem& p, std::optional<double> best_known_objective) {

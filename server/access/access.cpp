@@ -170,9 +170,8 @@ Expected<Identity> Access::identity_of(const Rules& rules, const Credentials& gi
                                                          : "needs a client certificate"));
   }
   if (!given.name) return Identity{host_of(given.peer), Roles::all()};
-  const auto name = own_name(*given.name);
-  if (!name) return unexpected(name.error());
-  return Identity{*name, Roles::all()};
+  MARBLE_ASSIGN_OR_RETURN(const auto name, own_name(*given.name));
+  return Identity{name, Roles::all()};
 }
 
 Expected<Identity> Access::require(const grpc::CallbackServerContext& context, Role role) const {

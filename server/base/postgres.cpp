@@ -109,7 +109,7 @@ Expected<Postgres> Postgres::open(const std::string& uri) {
     if (step == PGRES_POLLING_FAILED || libpq().PQstatus(connection) == CONNECTION_BAD)
       return unexpected(opened.lost(first_line(libpq().PQerrorMessage(connection))));
     const short events = step == PGRES_POLLING_READING ? POLLIN : POLLOUT;
-    if (auto ready = opened.wait_for(events, end); !ready) return unexpected(ready.error());
+    MARBLE_RETURN_IF_ERROR(opened.wait_for(events, end));
   }
   if (libpq().PQsetnonblocking(connection, 1) != 0 || libpq().PQenterPipelineMode(connection) != 1)
     return unexpected(opened.lost(first_line(libpq().PQerrorMessage(connection))));
@@ -119,7 +119,7 @@ Expected<Postgres> Postgres::open(const std::string& uri) {
                                PgStatement("SET statement_timeout = '60s'"),
                                PgStatement("SET lock_timeout = '5s'"),
                                PgStatement("SET idle_in_transaction_session_timeout = '10s'")};
-  if (auto set = opened.run(settings); !set) return unexpected(set.error());
+  MARBLE_RETURN_IF_ERROR(opened.run(settings));
   return opened;
 }
 
@@ -136,8 +136,7 @@ Expected<PGresult*> Postgres::next_result(Time::duration patience) {
     const int unsent = libpq().PQflush(connection);
     if (unsent < 0) return unexpected(lost(first_line(libpq().PQerrorMessage(connection))));
     const Time end = std::chrono::steady_clock::now() + patience;
-    if (auto ready = wait_for(static_cast<short>(unsent > 0 ? POLLIN | POLLOUT : POLLIN), end); !ready)
-      return unexpected(ready.error());
+    MARBLE_RETURN_IF_ERROR(wait_for(static_cast<short>(unsent > 0 ? POLLIN | POLLOUT : POLLIN), end));
     if (libpq().PQconsumeInput(connection) == 0)
       return unexpected(lost(first_line(libpq().PQerrorMessage(connection))));
   }
@@ -166,22 +165,21 @@ Expected<std::vector<PgRows>> Postgres::run(std::span<const PgStatement> stateme
   Expected<void> made;
   const auto patience = kPatience + std::chrono::seconds(bytes / kBytesPerSecond);
   while (true) {
-    const auto result = next_result(patience);
-    if (!result) return unexpected(result.error());
-    if (*result == nullptr) {
+    MARBLE_ASSIGN_OR_RETURN(const auto result, next_result(patience));
+    if (result == nullptr) {
       if (libpq().PQstatus(connection) == CONNECTION_BAD)
         return unexpected(lost(first_line(libpq().PQerrorMessage(connection))));
       continue;
     }
-    PgRows rows(*result);
-    const ExecStatusType status = libpq().PQresultStatus(*result);
+    PgRows rows(result);
+    const ExecStatusType status = libpq().PQresultStatus(result);
     if (status == PGRES_PIPELINE_SYNC) break;
     if (status == PGRES_TUPLES_OK || status == PGRES_COMMAND_OK) {
       all.push_back(std::move(rows));
     } else if (made && status != PGRES_PIPELINE_ABORTED) {
-      const char* state = libpq().PQresultErrorField(*result, PG_DIAG_SQLSTATE);
+      const char* state = libpq().PQresultErrorField(result, PG_DIAG_SQLSTATE);
       state_ = state == nullptr ? "" : state;
-      made = unexpected(fault(first_line(libpq().PQresultErrorMessage(*result))));
+      made = unexpected(fault(first_line(libpq().PQresultErrorMessage(result))));
       if (state_.empty()) return unexpected(lost(made.error().bound));
     }
   }
@@ -190,9 +188,8 @@ Expected<std::vector<PgRows>> Postgres::run(std::span<const PgStatement> stateme
 }
 
 Expected<PgRows> Postgres::run(const PgStatement& statement) {
-  auto all = run(std::span(&statement, 1));
-  if (!all) return unexpected(all.error());
-  return std::move(all->front());
+  MARBLE_ASSIGN_OR_RETURN(auto all, run(std::span(&statement, 1)));
+  return std::move(all.front());
 }
 
 bool Postgres::take_notifications() {

@@ -87,9 +87,8 @@ Expected<Token> token_of(const std::string& line) {
   words >> name >> roles_text >> key;
   if (key.empty() || words >> rest)
     return unexpected(failure(ErrorCode::invalid_argument, "must be NAME ROLE[,ROLE...] sha256:SALT:HASH"));
-  if (auto valid = check_name(name); !valid) return unexpected(valid.error());
-  const auto roles = roles_of(roles_text);
-  if (!roles) return unexpected(roles.error());
+  MARBLE_RETURN_IF_ERROR(check_name(name));
+  MARBLE_ASSIGN_OR_RETURN(const auto roles, roles_of(roles_text));
   const std::string_view prefix = "sha256:";
   const std::size_t colon = key.rfind(':');
   if (key.rfind(prefix, 0) != 0 || colon < prefix.size())
@@ -98,7 +97,7 @@ Expected<Token> token_of(const std::string& line) {
   const auto hash = from_hex(std::string_view(key).substr(colon + 1));
   if (!salt || !hash || salt->empty() || hash->size() != kHashBytes)
     return unexpected(invalid("hash", "must have a salt, and 64 digits of hash, in lower-case hexadecimal"));
-  return Token{name, *roles, *salt, *hash};
+  return Token{name, roles, *salt, *hash};
 }
 
 }  // namespace
@@ -135,10 +134,9 @@ Expected<NewToken> new_token(const std::string& name_and_roles) {
   const std::string name = name_and_roles.substr(0, colon);
   if (colon == std::string::npos || colon + 1 == name_and_roles.size())
     return unexpected(invalid("new-token", "must be NAME:ROLE[,ROLE...]"));
-  if (auto valid = check_name(name); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_name(name));
   const std::string roles_text = name_and_roles.substr(colon + 1);
-  const auto roles = roles_of(roles_text);
-  if (!roles) return unexpected(roles.error());
+  MARBLE_RETURN_IF_ERROR(roles_of(roles_text));
   const std::string secret = to_hex(random_bytes(kSecretBytes));
   const std::string salt = random_bytes(kSaltBytes);
   return NewToken{secret,

@@ -33,13 +33,12 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* BundleCall::begin(const ServiceParts
 
 Expected<void> BundleCall::start(const grpc::ByteBuffer* request) {
   Origin origin = origin_of(context_);
-  const auto caller = identify(parts_, context_, origin);
-  if (!caller) return unexpected(caller.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto caller, identify(parts_, context_, origin));
   v1::JobBundleRequest message;
-  if (auto parsed = parse(request, &message); !parsed) return parsed;
+  MARBLE_RETURN_IF_ERROR(parse(request, &message));
   const auto self = self_;  // gRPC may be done with the call before this returns
   parts_.timer.add(self);
-  gather_bundle(parts_, *caller, message.job_id(),
+  gather_bundle(parts_, caller, message.job_id(),
                 [self](const Expected<GatheredBundle>& bundle) { self->gathered(bundle); });
   return {};
 }

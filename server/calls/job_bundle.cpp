@@ -10,8 +10,7 @@ namespace {
 Expected<void> check_access(const ServiceParts& parts, const Identity& caller, const std::string& id) {
   const std::string owner = parts.results.owner(id);
   if (owner.empty()) {
-    const auto record = find_job(parts.board, caller, id);
-    if (!record) return unexpected(record.error());
+    MARBLE_RETURN_IF_ERROR(find_job(parts.board, caller, id));
     return unexpected(failure(ErrorCode::failed_precondition, "job_id", id,
                               "has no bundle: only submitted jobs have one, while they are kept (marble "
                               "solve --bundle makes one of any "
@@ -26,8 +25,7 @@ Expected<void> check_access(const ServiceParts& parts, const Identity& caller, c
 // Returns a bundle that counts for this client until it is released.
 Expected<std::shared_ptr<Bundle>> counted_bundle(const ServiceParts& parts, const std::string& client) {
   const auto limit = parts.bundles;
-  if (auto entered = limit->enter(client, parts.access.quota_of(client).bundles); !entered)
-    return unexpected(entered.error());
+  MARBLE_RETURN_IF_ERROR(limit->enter(client, parts.access.quota_of(client).bundles));
   return std::shared_ptr<Bundle>(new Bundle, [limit, client](Bundle* bundle) {
     delete bundle;
     limit->leave(client);

@@ -21,13 +21,12 @@ grpc::ServerUnaryReactor* ResultCall::begin(const ServiceParts& parts, grpc::Cal
 
 Expected<void> ResultCall::wait(grpc::CallbackServerContext& context, const grpc::ByteBuffer* request) {
   Origin origin = origin_of(context);
-  const auto caller = identify(parts_, context, origin);
-  if (!caller) return unexpected(caller.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto caller, identify(parts_, context, origin));
   v1::JobResultRequest message;
-  if (auto parsed = parse(request, &message); !parsed) return parsed;
+  MARBLE_RETURN_IF_ERROR(parse(request, &message));
   id_ = message.job_id();
   const std::string owner = parts_.results.owner(id_);
-  if (owner.empty() || !may_end(*caller, owner)) {
+  if (owner.empty() || !may_end(caller, owner)) {
     return unexpected(failure(ErrorCode::not_found, "job_id", id_,
                               "is no submitted job, or its answer is not kept any more"));
   }

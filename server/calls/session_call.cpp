@@ -26,15 +26,12 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
   call->self_ = call;
   Origin origin = origin_of(context);
   const auto admit = [&]() -> Expected<void> {
-    auto caller = caller_of(parts, context, origin, Role::solve);
-    if (!caller) return unexpected(caller.error());
-    call->caller_ = std::move(*caller);
+    MARBLE_ASSIGN_OR_RETURN(call->caller_, caller_of(parts, context, origin, Role::solve));
     if (parts.scheduler.is_closed()) return unexpected(draining());
     call->quota_ = parts.access.quota_of(call->caller_.identity.client);
-    auto place = parts.sessions.open(call->caller_.identity.client, call->quota_);
-    if (!place) return unexpected(place.error());
+    MARBLE_ASSIGN_OR_RETURN(auto place, parts.sessions.open(call->caller_.identity.client, call->quota_));
     const MutexLock lock(call->mutex_);
-    call->place_ = std::move(*place);
+    call->place_ = std::move(place);
     return {};
   };
   if (const auto admitted = admit(); !admitted) {
@@ -145,9 +142,8 @@ Expected<void> SessionCall::take_setup(const std::shared_ptr<const v1::SessionSe
                                .most_factorization_s = parts_.config.solve_seconds,
                                .stop = controls.stop,
                                .pause = controls.pause};
-    auto solver = WarmSolver::create(setup.problem, setup.options, setup.initial_z, limits);
-    if (!solver) return unexpected(solver.error());
-    solver_ = std::move(*solver);
+    MARBLE_ASSIGN_OR_RETURN(solver_,
+                            WarmSolver::create(setup.problem, setup.options, setup.initial_z, limits));
     solver_->set_most_misses(parts_.config.session_misses);
     Solution prepared;
     prepared.times.setup_s = solver_->setup_s();
@@ -252,8 +248,8 @@ std::shared_ptr<Job> SessionCall::next_job() {
     if (report_progress_) slot_.started();
     record_->set_options(update->options());
     if (update->prepares()) {
-      auto prepared = solver_->prepare(update->checked(), {.stop = controls.stop, .pause = controls.pause});
-      if (!prepared) return unexpected(std::move(prepared.error()));
+      MARBLE_RETURN_IF_ERROR(
+          solver_->prepare(update->checked(), {.stop = controls.stop, .pause = controls.pause}));
       Solution ready;
       ready.status = Status::solved;
       ready.detail = "prepared";

@@ -20,19 +20,16 @@ grpc::ServerUnaryReactor* SolveCall::begin(const ServiceParts& parts, grpc::Call
 
 Expected<void> SolveCall::admit(const grpc::ByteBuffer* request, const grpc::CallbackServerContext& context,
                                 Origin& origin) {
-  const auto caller = caller_of(parts_, context, origin, Role::solve);
-  if (!caller) return unexpected(caller.error());
-  if (auto room = refuse_early(parts_, *caller, *request, origin); !room) return room;
+  MARBLE_ASSIGN_OR_RETURN(const auto caller, caller_of(parts_, context, origin, Role::solve));
+  MARBLE_RETURN_IF_ERROR(refuse_early(parts_, caller, *request, origin));
   auto message = std::make_shared<v1::SolveRequest>();
-  if (auto parsed = parse(request, message.get()); !parsed) return parsed;
+  MARBLE_RETURN_IF_ERROR(parse(request, message.get()));
   origin.request_id = message->request_id();
   const bool composite = message->has_coupled() || message->has_scenarios();
-  auto job = make_job(parts_, *caller, JobKind::solve, std::move(message));
-  if (!job) return unexpected(job.error());
-  (*job)->observer = self_;
-  job_ = *job;
-  if (const auto place = composite ? parts_.scheduler.admit(*job) : parts_.scheduler.admit_here(*job);
-      !place) {
+  MARBLE_ASSIGN_OR_RETURN(auto job, make_job(parts_, caller, JobKind::solve, std::move(message)));
+  job->observer = self_;
+  job_ = job;
+  if (const auto place = composite ? parts_.scheduler.admit(job) : parts_.scheduler.admit_here(job); !place) {
     job_ = nullptr;
     return unexpected(place.error());
   }

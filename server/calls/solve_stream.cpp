@@ -28,22 +28,19 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const Service
 
 Expected<void> SolveStreamCall::admit(const grpc::ByteBuffer* bytes,
                                       const grpc::CallbackServerContext& context, Origin& origin, Made made) {
-  const auto caller = caller_of(parts_, context, origin, Role::solve);
-  if (!caller) return unexpected(caller.error());
-  if (auto room = refuse_early(parts_, *caller, *bytes, origin, v1::SolveStreamRequest::kSolveFieldNumber);
-      !room)
-    return room;
+  MARBLE_ASSIGN_OR_RETURN(const auto caller, caller_of(parts_, context, origin, Role::solve));
+  MARBLE_RETURN_IF_ERROR(
+      refuse_early(parts_, caller, *bytes, origin, v1::SolveStreamRequest::kSolveFieldNumber));
   v1::SolveStreamRequest request;
-  if (auto parsed = parse(bytes, &request); !parsed) return parsed;
+  MARBLE_RETURN_IF_ERROR(parse(bytes, &request));
   origin.request_id = request.solve().request_id();
-  if (auto valid = check_progress(request.progress_interval_s(), request.iterate_every()); !valid)
-    return valid;
+  MARBLE_RETURN_IF_ERROR(check_progress(request.progress_interval_s(), request.iterate_every()));
   progress_interval_s_ = request.progress_interval_s();
   iterate_every_ = request.iterate_every();
   (void)request.mutable_solve();  // a missing problem counts as an empty one, which is refused
   if (made.has != nullptr && !(request.solve().*made.has)())
     return unexpected(invalid(std::string("solve.") + made.of, "must be there"));
-  auto job = make_job(parts_, *caller, JobKind::solve,
+  auto job = make_job(parts_, caller, JobKind::solve,
                       std::shared_ptr<const v1::SolveRequest>(request.release_solve()));
   if (!job) return unexpected(inside("solve", job.error()));
   (*job)->observer = self_;

@@ -25,15 +25,13 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchCall::begin(const ServiceParts&
 
 Expected<void> WatchCall::start(grpc::CallbackServerContext& context, const grpc::ByteBuffer* request) {
   Origin origin = origin_of(context);
-  const auto caller = identify(parts_, context, origin);
-  if (!caller) return unexpected(caller.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto caller, identify(parts_, context, origin));
   v1::WatchJobsRequest message;
-  if (auto parsed = parse(request, &message); !parsed) return parsed;
-  auto feed =
-      JobFeed::open(parts_.board, parts_.feeds, *caller, parts_.access.quota_of(caller->client), message);
-  if (!feed) return unexpected(feed.error());
+  MARBLE_RETURN_IF_ERROR(parse(request, &message));
+  MARBLE_ASSIGN_OR_RETURN(auto feed, JobFeed::open(parts_.board, parts_.feeds, caller,
+                                                   parts_.access.quota_of(caller.client), message));
   const MutexLock lock(mutex_);
-  feed_ = std::move(*feed);
+  feed_ = std::move(feed);
   return {};
 }
 

@@ -70,24 +70,20 @@ ClientCertificate client_certificate_of(const Settings& settings) {
 }
 
 Expected<Certificates> read_certificates(const Settings& settings) {
-  auto certificate = read_chain("tls_certificate", settings.tls_certificate);
-  if (!certificate) return unexpected(std::move(certificate).error());
-  auto key_text = read("tls_key", settings.tls_key);
-  if (!key_text) return unexpected(std::move(key_text).error());
-  const Key key = key_of(*key_text);
+  MARBLE_ASSIGN_OR_RETURN(auto certificate, read_chain("tls_certificate", settings.tls_certificate));
+  MARBLE_ASSIGN_OR_RETURN(auto key_text, read("tls_key", settings.tls_key));
+  const Key key = key_of(key_text);
   ERR_clear_error();
   if (key == nullptr)
     return unexpected(
         invalid("tls_key", settings.tls_key, "must hold a private key in PEM form, not encrypted"));
-  const bool fits = X509_check_private_key(first_certificate(*certificate).get(), key.get()) == 1;
+  const bool fits = X509_check_private_key(first_certificate(certificate).get(), key.get()) == 1;
   ERR_clear_error();
   if (!fits)
     return unexpected(invalid("tls_key", settings.tls_key, "must be the key of " + settings.tls_certificate));
-  Certificates result{*certificate, *key_text, ""};
+  Certificates result{certificate, key_text, ""};
   if (client_certificate_of(settings) != ClientCertificate::none) {
-    auto authorities = read_chain("tls_client_ca", settings.tls_client_ca);
-    if (!authorities) return unexpected(std::move(authorities).error());
-    result.client_ca = *authorities;
+    MARBLE_ASSIGN_OR_RETURN(result.client_ca, read_chain("tls_client_ca", settings.tls_client_ca));
   }
   return result;
 }

@@ -154,9 +154,8 @@ class Reader {
     for (const toml::node& element : *names) {
       const auto* text = element.as_string();
       if (text == nullptr) return unexpected(invalid("roles", "must be an array of texts"));
-      const auto role = role_of(text->get());
-      if (!role) return unexpected(role.error());
-      client.roles->add(*role);
+      MARBLE_ASSIGN_OR_RETURN(const auto role, role_of(text->get()));
+      client.roles->add(role);
     }
     return {};
   }

@@ -113,14 +113,12 @@ const std::vector<SettingInfo>& setting_table() {
 }
 
 Expected<void> set_setting(Settings& settings, std::string_view name, const SettingValue& value) {
-  const auto info = known(name);
-  if (!info) return unexpected(info.error());
-  auto valid = checked(**info, value);
-  if (!valid) return unexpected(std::move(valid).error());
+  MARBLE_ASSIGN_OR_RETURN(const auto info, known(name));
+  MARBLE_ASSIGN_OR_RETURN(auto valid, checked(*info, value));
 #define MARBLE_SETTING(type, member, default_value, low, high, unit, doc) \
-  if (name == #member) assign(settings.member, *valid);
+  if (name == #member) assign(settings.member, valid);
 #define MARBLE_TEXT_SETTING(member, default_value, choices, doc) \
-  if (name == #member) assign(settings.member, *valid);
+  if (name == #member) assign(settings.member, valid);
 #include "config/config.def"
 #undef MARBLE_SETTING
 #undef MARBLE_TEXT_SETTING
@@ -128,11 +126,9 @@ Expected<void> set_setting(Settings& settings, std::string_view name, const Sett
 }
 
 Expected<void> set_setting_text(Settings& settings, std::string_view name, const std::string& text) {
-  const auto info = known(name);
-  if (!info) return unexpected(info.error());
-  const auto value = value_of(**info, text);
-  if (!value) return unexpected(value.error());
-  return set_setting(settings, name, *value);
+  MARBLE_ASSIGN_OR_RETURN(const auto info, known(name));
+  MARBLE_ASSIGN_OR_RETURN(const auto value, value_of(*info, text));
+  return set_setting(settings, name, value);
 }
 
 SettingValue get_setting(const Settings& settings, std::string_view name) {

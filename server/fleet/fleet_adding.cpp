@@ -209,9 +209,8 @@ Expected<void> FleetStore::add_all(std::vector<Change>& changes, Lines& lines) {
   }
   const std::vector<PgStatement>& add = adding.statements();
   if (add.empty()) return {};
-  const auto added = database_->run(add);
-  if (!added) return unexpected(added.error());
-  adding.settle(*added);
+  MARBLE_ASSIGN_OR_RETURN(const auto added, database_->run(add));
+  adding.settle(added);
   for (const Change& change : changes) {
     if (change.kind == Kind::open && change.job->id && *change.job->id == change.job->stored.id)
       drafts_[change.job->stored.id] = change.job->token;

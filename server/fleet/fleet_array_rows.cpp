@@ -65,12 +65,11 @@ Expected<void> FleetStore::count_elements(std::vector<TakenJob>& taken) {
     all.push_back(PgStatement(kElements).number(job.number).number(*job.stored.elements));
   }
   if (all.empty()) return {};
-  const auto rows = database_->run(all);
-  if (!rows) return unexpected(rows.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto rows, database_->run(all));
   std::size_t at = 1;
   for (TakenJob& job : taken) {
     if (!job.stored.elements) continue;
-    job.elements = elements_in((*rows)[at], *job.stored.elements);
+    job.elements = elements_in(rows[at], *job.stored.elements);
     at += 2;
     const std::int64_t missing = *job.stored.elements - job.elements.rows;
     if (missing > 0 && missing <= job.elements.rows)

@@ -90,18 +90,17 @@ Expected<FleetArray> make_fleet_array(const ServiceParts& parts, FleetStore& sto
       .identity = {.client = stored.client, .roles = {}},
       .origin = {.peer = stored.peer, .client = stored.client, .request_id = stored.request_id},
       .earlier = Caller::Earlier{stored.id, time_of(stored.accepted_unix_s), record}};
-  auto setup = ArraySetup::check(parts, caller, std::move(message));
-  if (!setup) return unexpected(setup.error());
-  auto place = parts.scheduler.open_place(stored.client, priority_of(stored.priority), quota, true);
-  if (!place) return unexpected(place.error());
+  MARBLE_ASSIGN_OR_RETURN(auto setup, ArraySetup::check(parts, caller, std::move(message)));
+  MARBLE_ASSIGN_OR_RETURN(
+      auto place, parts.scheduler.open_place(stored.client, priority_of(stored.priority), quota, true));
   const auto setup_bytes = static_cast<std::int64_t>(stored.request.size());
-  (void)(*place)->add_bytes(setup_bytes);
+  (void)place->add_bytes(setup_bytes);
   FleetArray made;
   made.elements = std::make_shared<FleetElements>(store, stored.id, taken.token,
                                                   setup_bytes + taken.elements.request_bytes);
   ArrayStart start{.record = record,
-                   .setup = *setup,
-                   .place = std::move(*place),
+                   .setup = setup,
+                   .place = std::move(place),
                    .counts = taken.elements.counts,
                    .last_sequence = taken.elements.last_sequence,
                    .answer_bytes = taken.elements.answer_bytes,

@@ -6,9 +6,9 @@ namespace marble::server {
 
 // Removes expired results, and those beyond the limits; one server at a time.
 Expected<void> FleetStore::clean() {
-  const auto first = database_->run("SELECT pg_try_advisory_xact_lock(hashtext('marble_clean'))");
-  if (!first) return unexpected(first.error());
-  if (!first->truth(0, 0)) return {};
+  MARBLE_ASSIGN_OR_RETURN(const auto first,
+                          database_->run("SELECT pg_try_advisory_xact_lock(hashtext('marble_clean'))"));
+  if (!first.truth(0, 0)) return {};
   std::vector<PgStatement> all;
   // Repairs values that no server writes, and with which no server would take the job.
   all.emplace_back(
@@ -50,9 +50,8 @@ Expected<void> FleetStore::clean() {
       "SELECT sum(pg_total_relation_size(c.oid))::bigint FROM pg_class c"
       " WHERE c.relkind = 'r' AND c.relname LIKE 'marble\\_%'"
       " AND pg_table_is_visible(c.oid)");
-  const auto cleaned = database_->run(all);
-  if (!cleaned) return unexpected(cleaned.error());
-  bytes_ = cleaned->back().integer(0, 0);
+  MARBLE_ASSIGN_OR_RETURN(const auto cleaned, database_->run(all));
+  bytes_ = cleaned.back().integer(0, 0);
   return {};
 }
 

@@ -50,12 +50,11 @@ Expected<std::shared_ptr<ArrayDraft>> FleetDraft::make(const ServiceParts& parts
                                                        const Caller& caller, v1::ArraySetup setup) {
   if (parts.scheduler.is_closed()) return unexpected(draining());
   if (auto well = store.health(); !well) return unexpected(Submissions::not_kept(well.error()));
-  if (auto named = check_name(caller.identity.client); !named) return unexpected(named.error());
+  MARBLE_RETURN_IF_ERROR(check_name(caller.identity.client));
   const std::string bytes = setup.SerializeAsString();
   if (bytes.size() > kLargestValue) return unexpected(too_large(bytes.size()));
-  auto checked = ArraySetup::check(parts, caller, std::move(setup));
-  if (!checked) return unexpected(checked.error());
-  const std::shared_ptr<FleetDraft> draft(new FleetDraft(parts, store, caller, std::move(*checked), bytes));
+  MARBLE_ASSIGN_OR_RETURN(auto checked, ArraySetup::check(parts, caller, std::move(setup)));
+  const std::shared_ptr<FleetDraft> draft(new FleetDraft(parts, store, caller, std::move(checked), bytes));
   draft->open();
   return draft;
 }

@@ -203,8 +203,8 @@ void FleetMirror::run() {
 // No exception ends the thread, and with it the server.
 Expected<void> FleetMirror::attempt(const Asked& asked, bool changed) {
   try {
-    if (auto connected = connect(); !connected) return connected;
-    if (auto answered = answer(asked); !answered) return answered;
+    MARBLE_RETURN_IF_ERROR(connect());
+    MARBLE_RETURN_IF_ERROR(answer(asked));
     return readers_.serve(*database_, changed);
   } catch (const std::exception& error) {
     return unexpected(failure(ErrorCode::unavailable, "state", "", error.what()));
@@ -213,28 +213,27 @@ Expected<void> FleetMirror::attempt(const Asked& asked, bool changed) {
 
 Expected<void> FleetMirror::connect() {
   if (database_ && database_->is_open()) return {};
-  auto opened = Postgres::open(parts_.config.state);
-  if (!opened) return unexpected(opened.error());
-  if (auto ready = prepare_fleet(*opened); !ready) return ready;
-  if (auto listening = opened->run(kFleetListen); !listening) return unexpected(listening.error());
-  database_ = std::move(*opened);
+  MARBLE_ASSIGN_OR_RETURN(auto opened, Postgres::open(parts_.config.state));
+  MARBLE_RETURN_IF_ERROR(prepare_fleet(opened));
+  MARBLE_RETURN_IF_ERROR(opened.run(kFleetListen));
+  database_ = std::move(opened);
   return read_all();
 }
 
 Expected<void> FleetMirror::answer(const Asked& asked) {
   wanted_.insert(wanted_.end(), asked.fetches.begin(), asked.fetches.end());
   for (const std::string& id : asked.anew) known_.erase(id);
-  if (auto read = asked.anew.empty() ? read_changes() : read_all(); !read) return read;
+  MARBLE_RETURN_IF_ERROR(asked.anew.empty() ? read_changes() : read_all());
   for (const std::string& id : asked.anew) {
     if (!known_.contains(id)) forget(id);
   }
   for (const Look& look : asked.looks) {
     if (look.id.empty()) continue;
-    if (auto read = read_whole(look.id); !read) return read;
+    MARBLE_RETURN_IF_ERROR(read_whole(look.id));
   }
   const bool lists = std::ranges::any_of(asked.looks, [](const Look& look) { return look.id.empty(); });
   if (lists || parts_.feeds.open() > 0) {
-    if (auto read = read_live(); !read) return read;
+    MARBLE_RETURN_IF_ERROR(read_live());
   }
   {
     const MutexLock lock(mutex_);  // results that were requested meanwhile
@@ -242,22 +241,22 @@ Expected<void> FleetMirror::answer(const Asked& asked) {
     wanted_.insert(wanted_.end(), more.begin(), more.end());
   }
   while (!wanted_.empty()) {
-    if (auto read = read_answer(wanted_.back()); !read) return read;
+    MARBLE_RETURN_IF_ERROR(read_answer(wanted_.back()));
     wanted_.pop_back();
   }
   return {};
 }
 
 Expected<void> FleetMirror::read_all() {
-  const auto horizon = database_->run(kHorizon);  // read first: changes made meanwhile are read again
-  if (!horizon) return unexpected(horizon.error());
-  const auto rows = database_->run(PgStatement(kAll).number(parts_.config.history_jobs));
-  if (!rows) return unexpected(rows.error());
-  horizon_ = std::string(horizon->bytes(0, 0));
+  // read first: changes made meanwhile are read again
+  MARBLE_ASSIGN_OR_RETURN(const auto horizon, database_->run(kHorizon));
+  MARBLE_ASSIGN_OR_RETURN(const auto rows,
+                          database_->run(PgStatement(kAll).number(parts_.config.history_jobs)));
+  horizon_ = std::string(horizon.bytes(0, 0));
   std::set<std::string> there;
-  for (int row = 0; row < rows->size(); ++row) {
-    apply(*rows, row);
-    there.insert(std::string(rows->bytes(row, 0)));
+  for (int row = 0; row < rows.size(); ++row) {
+    apply(rows, row);
+    there.insert(std::string(rows.bytes(row, 0)));
   }
   std::vector<std::string> gone;
   for (const auto& [id, known] : known_) {
@@ -269,11 +268,10 @@ Expected<void> FleetMirror::read_all() {
 }
 
 Expected<void> FleetMirror::read_changes() {
-  const auto rows = database_->run(PgStatement(kChanges).text(horizon_));
-  if (!rows) return unexpected(rows.error());
-  if (rows->size() == 0) return {};
-  horizon_ = std::string(rows->bytes(0, 9));
-  for (int row = 0; row < rows->size(); ++row) apply(*rows, row);
+  MARBLE_ASSIGN_OR_RETURN(const auto rows, database_->run(PgStatement(kChanges).text(horizon_)));
+  if (rows.size() == 0) return {};
+  horizon_ = std::string(rows.bytes(0, 9));
+  for (int row = 0; row < rows.size(); ++row) apply(rows, row);
   wait_in_line();
   return {};
 }
@@ -358,17 +356,16 @@ Expected<void> FleetMirror::read_whole(const std::string& id) {
   if (found == known_.end() || found->second.is_whole) return {};
   const auto record = parts_.board.find(id);
   if (record == nullptr || record->is_watched()) return {};
-  const auto rows = database_->run(PgStatement(kWhole).text(id));
-  if (!rows) return unexpected(rows.error());
-  if (rows->size() == 0) return {};
+  MARBLE_ASSIGN_OR_RETURN(const auto rows, database_->run(PgStatement(kWhole).text(id)));
+  if (rows.size() == 0) return {};
   v1::GetJobResponse job;
-  const std::string_view bytes = rows->bytes(0, 0);
+  const std::string_view bytes = rows.bytes(0, 0);
   if (!job.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return {};
   JobSnapshot snapshot = snapshot_of(job);
   snapshot.server = record->snapshot().server;
   owner_.unless_here(id, [&] {
     found->second.is_whole = snapshot.state == JobState::finished;
-    found->second.upto = rows->integer(0, 1);
+    found->second.upto = rows.integer(0, 1);
     record->set_options(options_of(job.options()).value_or(Options()));
     record->restore(std::move(snapshot), trace_of(job.trace()));
   });
@@ -381,19 +378,18 @@ Expected<void> FleetMirror::read_live() {
   for (const auto& record : *active) {
     if (record->is_watched() && known_.contains(record->id())) watched.push_back(record->id());
   }
-  const auto rows = database_->run(PgStatement(kLiveRows).text(text_array(watched)));
-  if (!rows) return unexpected(rows.error());
-  for (int row = 0; row < rows->size(); ++row) {
-    const std::string id(rows->bytes(row, 0));
+  MARBLE_ASSIGN_OR_RETURN(const auto rows, database_->run(PgStatement(kLiveRows).text(text_array(watched))));
+  for (int row = 0; row < rows.size(); ++row) {
+    const std::string id(rows.bytes(row, 0));
     const auto found = known_.find(id);
     const auto record = parts_.board.find(id);
     if (found == known_.end() || found->second.state != FleetState::running) continue;
-    const std::int64_t first = std::clamp<std::int64_t>(rows->integer(row, 1), 0, kMostRows);
-    const std::int64_t upto = std::clamp<std::int64_t>(rows->integer(row, 2), 0, kMostRows);
+    const std::int64_t first = std::clamp<std::int64_t>(rows.integer(row, 1), 0, kMostRows);
+    const std::int64_t upto = std::clamp<std::int64_t>(rows.integer(row, 2), 0, kMostRows);
     std::int64_t& seen = found->second.upto;
     if (record == nullptr || upto == seen) continue;
     v1::JobEvent event;
-    const std::string_view bytes = rows->bytes(row, 4);
+    const std::string_view bytes = rows.bytes(row, 4);
     event.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
     std::vector<Progress> reported;
     for (std::int64_t at = first; const v1::Progress& progress : event.rows()) {
@@ -402,7 +398,7 @@ Expected<void> FleetMirror::read_live() {
     owner_.unless_here(id, [&] {
       if (record->is_watched())
         record->follow(seen < 0 ? first : std::max<std::int64_t>(0, first - seen), reported);
-      JobSnapshot snapshot = snapshot_in(*rows, row, 3, FleetState::running);
+      JobSnapshot snapshot = snapshot_in(rows, row, 3, FleetState::running);
       snapshot.server = record->snapshot().server;
       record->restore(std::move(snapshot), {});
       seen = upto;
@@ -412,18 +408,16 @@ Expected<void> FleetMirror::read_live() {
 }
 
 Expected<AskedAndAnswered> FleetMirror::read_both(const std::string& id) {
-  const auto rows = database_->run(PgStatement(kBoth).text(id));
-  if (!rows) return unexpected(rows.error());
-  if (rows->size() == 0) return unexpected(Submissions::no_request(id));
-  return AskedAndAnswered{std::string(rows->bytes(0, 0)), std::string(rows->bytes(0, 1))};
+  MARBLE_ASSIGN_OR_RETURN(const auto rows, database_->run(PgStatement(kBoth).text(id)));
+  if (rows.size() == 0) return unexpected(Submissions::no_request(id));
+  return AskedAndAnswered{std::string(rows.bytes(0, 0)), std::string(rows.bytes(0, 1))};
 }
 
 Expected<void> FleetMirror::read_answer(const std::string& id) {
-  const auto rows = database_->run(PgStatement(kAnswer).text(id));
-  if (!rows) return unexpected(rows.error());
-  if (rows->size() == 0) return {};  // gone, as the next changes will show
+  MARBLE_ASSIGN_OR_RETURN(const auto rows, database_->run(PgStatement(kAnswer).text(id)));
+  if (rows.size() == 0) return {};  // gone, as the next changes will show
   parts_.results.deliver(
-      id, rows->truth(0, 2) ? no_single_answer(id) : stored_answer(rows->bytes(0, 0), rows->bytes(0, 1)));
+      id, rows.truth(0, 2) ? no_single_answer(id) : stored_answer(rows.bytes(0, 0), rows.bytes(0, 1)));
   return {};
 }
 

@@ -62,8 +62,7 @@ Expected<void> FleetReaders::serve_finds(Postgres& database) {
       if (finds_.empty()) return {};
       id = finds_.back().id;
     }
-    const auto rows = database.run(PgStatement(kFindArray).text(id));
-    if (!rows) return unexpected(rows.error());
+    MARBLE_ASSIGN_OR_RETURN(const auto rows, database.run(PgStatement(kFindArray).text(id)));
     Find then;
     {
       const MutexLock lock(mutex_);  // another may have come meanwhile, after this one
@@ -71,17 +70,17 @@ Expected<void> FleetReaders::serve_finds(Postgres& database) {
       then = std::move(found->then);
       finds_.erase(found);
     }
-    if (rows->size() == 0) {
+    if (rows.size() == 0) {
       then(unexpected(no_array(id)));
     } else {
-      then(FoundArray{std::make_shared<FleetArrayResults>(*this, id), std::string(rows->bytes(0, 0)),
-                      rows->integer(0, 1)});
+      then(FoundArray{std::make_shared<FleetArrayResults>(*this, id), std::string(rows.bytes(0, 0)),
+                      rows.integer(0, 1)});
     }
   }
 }
 
 Expected<void> FleetReaders::serve(Postgres& database, bool changed) {
-  if (auto found = serve_finds(database); !found) return found;
+  MARBLE_RETURN_IF_ERROR(serve_finds(database));
   const auto now = std::chrono::steady_clock::now();
   changed_ = changed_ || changed || now - served_ >= kUnannounced;
   Readers readers, waiting;
@@ -136,15 +135,14 @@ Expected<bool> FleetArrayResults::read(Postgres& database) {
     most_bytes = most_bytes_;
   }
   bool gone = false;
-  auto news = read_news(database, after, most_bytes, gone);
-  if (!news) return unexpected(news.error());
-  if (!gone && !news->is_over && news->answers.empty()) return true;
+  MARBLE_ASSIGN_OR_RETURN(auto news, read_news(database, after, most_bytes, gone));
+  if (!gone && !news.is_over && news.answers.empty()) return true;
   std::shared_ptr<ArrayListener> listener;
   {
     const MutexLock lock(mutex_);
     waits_ = false;
     is_gone_ = gone;
-    news_ = std::move(*news);
+    news_ = std::move(news);
     listener = listener_.lock();
   }
   if (listener != nullptr) listener->news();
@@ -156,13 +154,12 @@ Expected<ArraySource::News> FleetArrayResults::read_news(Postgres& database, std
                                                          std::int64_t most_bytes, bool& gone) const {
   const std::array both = {PgStatement(kArrayState).text(id_),
                            PgStatement(kArrayAnswers).text(id_).number(after).number(most_bytes)};
-  const auto rows = database.run(both);
-  if (!rows) return unexpected(rows.error());
-  const PgRows& state = rows->front();
+  MARBLE_ASSIGN_OR_RETURN(const auto rows, database.run(both));
+  const PgRows& state = rows.front();
   gone = state.size() == 0;
   News news;
   if (gone) return news;
-  news.answers = answers_in(rows->back(), id_);
+  news.answers = answers_in(rows.back(), id_);
   news.is_over = state.truth(0, 0) && news.answers.empty();
   if (news.is_over && !state.bytes(0, 1).empty()) news.end = error_in(state.bytes(0, 1));
   return news;

@@ -137,11 +137,10 @@ bool FleetRoster::wait() {
 
 Expected<void> FleetRoster::connect() {
   if (database_ && database_->is_open()) return {};
-  auto opened = Postgres::open(parts_.config.state);
-  if (!opened) return unexpected(opened.error());
+  MARBLE_ASSIGN_OR_RETURN(auto opened, Postgres::open(parts_.config.state));
   const std::array make = {PgStatement(kLockServers), PgStatement(kMakeServers)};
-  if (auto made = opened->run(make); !made) return unexpected(made.error());
-  database_ = std::move(*opened);
+  MARBLE_RETURN_IF_ERROR(opened.run(make));
+  database_ = std::move(opened);
   return {};
 }
 
@@ -168,19 +167,18 @@ PgStatement FleetRoster::announcement() const {
 }
 
 Expected<ServerList> FleetRoster::report() {
-  if (auto connected = connect(); !connected) return unexpected(connected.error());
+  MARBLE_RETURN_IF_ERROR(connect());
   std::vector<PgStatement> statements;
   statements.push_back(announcement());
   statements.push_back(
       PgStatement(kForgetServers).text(instance_).text(name_).real(parts_.config.state_lease_s));
   statements.emplace_back(kListServers);
   statements.emplace_back(kCountWaiting);
-  const auto results = database_->run(statements);
-  if (!results) return unexpected(results.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto results, database_->run(statements));
   ServerList list;
-  const PgRows& rows = (*results)[2];
+  const PgRows& rows = results[2];
   for (int row = 0; row < rows.size(); ++row) list.servers.push_back(listed(rows, row));
-  list.waiting = (*results)[3].integer(0, 0);
+  list.waiting = results[3].integer(0, 0);
   return list;
 }
 

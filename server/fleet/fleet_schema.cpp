@@ -68,13 +68,11 @@ constexpr std::array kMake = {
 
 // Accepts a database without tables.
 Expected<void> check_version(Postgres& database, bool& there) {
-  const auto found = database.run("SELECT to_regclass('marble_schema') IS NOT NULL");
-  if (!found) return unexpected(found.error());
-  there = found->truth(0, 0);
+  MARBLE_ASSIGN_OR_RETURN(const auto found, database.run("SELECT to_regclass('marble_schema') IS NOT NULL"));
+  there = found.truth(0, 0);
   if (!there) return {};
-  const auto version = database.run("SELECT version FROM marble_schema");
-  if (!version) return unexpected(version.error());
-  const std::int64_t number = version->size() == 1 ? version->integer(0, 0) : 0;
+  MARBLE_ASSIGN_OR_RETURN(const auto version, database.run("SELECT version FROM marble_schema"));
+  const std::int64_t number = version.size() == 1 ? version.integer(0, 0) : 0;
   if (number == kVersionOfTables) return {};
   return unexpected(failure(
       ErrorCode::failed_precondition, "state", "marble_schema",
@@ -88,7 +86,7 @@ Expected<void> prepare_fleet(Postgres& database) {
   if (auto known = check_version(database, there); !known || there) return known;
   const std::array begin = {PgStatement("BEGIN"),
                             PgStatement("SELECT pg_advisory_xact_lock(hashtext('marble_schema'))")};
-  if (auto begun = database.run(begin); !begun) return unexpected(begun.error());
+  MARBLE_RETURN_IF_ERROR(database.run(begin));
   auto made = check_version(database, there);
   if (made && !there) {
     const std::vector<PgStatement> make(kMake.begin(), kMake.end());
@@ -100,12 +98,11 @@ Expected<void> prepare_fleet(Postgres& database) {
 }
 
 Expected<std::string> check_fleet(const std::string& uri) {
-  auto database = Postgres::open(uri);
-  if (!database) return unexpected(database.error());
+  MARBLE_ASSIGN_OR_RETURN(auto database, Postgres::open(uri));
   bool there = false;
-  if (auto known = check_version(*database, there); !known) return unexpected(known.error());
+  MARBLE_RETURN_IF_ERROR(check_version(database, there));
   if (!there) return "no tables yet: the first server makes them";
-  const auto counts = database->run(
+  const auto counts = database.run(
       "SELECT count(*) FILTER (WHERE state < 2), count(*) FILTER (WHERE state = 2), "
       "count(*) FILTER (WHERE state = 1), count(DISTINCT server) FILTER (WHERE state = 1) FROM marble_jobs");
   if (!counts) return unexpected(counts.error());

@@ -137,10 +137,9 @@ StoreUsage FleetStore::usage() const {
 
 Expected<void> FleetStore::connect() {
   if (database_ && database_->is_open()) return {};
-  auto opened = Postgres::open(uri_);
-  if (!opened) return unexpected(opened.error());
-  if (auto ready = prepare_fleet(*opened); !ready) return ready;
-  database_ = std::move(*opened);
+  MARBLE_ASSIGN_OR_RETURN(auto opened, Postgres::open(uri_));
+  MARBLE_RETURN_IF_ERROR(prepare_fleet(opened));
+  database_ = std::move(opened);
   connected_ = std::chrono::steady_clock::now();
   looks_ = true;
   return {};
@@ -148,7 +147,7 @@ Expected<void> FleetStore::connect() {
 
 // A transaction that conflicted with another server's was undone, and is retried at once.
 Expected<void> FleetStore::write(std::vector<Change>& changes) {
-  if (auto connected = connect(); !connected) return connected;
+  MARBLE_RETURN_IF_ERROR(connect());
   const auto now = std::chrono::steady_clock::now();
   const Due due{.second = now - second_ >= Seconds(1),
                 .garbage_collector = now - garbage_collector_ >= kGarbageCollector};
@@ -170,7 +169,7 @@ Expected<void> FleetStore::write(std::vector<Change>& changes) {
 }
 
 Expected<void> FleetStore::write_once(std::vector<Change>& changes, const Due& due) {
-  if (auto renewed = renew(); !renewed) return renewed;
+  MARBLE_RETURN_IF_ERROR(renew());
   const bool looks = looks_.exchange(false) || due.second;
   const FleetTaker::Room room = looks ? taker_.room() : FleetTaker::Room{};
   if (changes.empty() && room.jobs <= 0 && !due.second) return {};
@@ -245,12 +244,11 @@ Expected<void> FleetStore::write_once(std::vector<Change>& changes, const Due& d
     first.emplace_back(kDropLateArrays);
   }
   if (adds) first.emplace_back("SELECT pg_advisory_xact_lock(hashtext('marble_jobs'))");
-  const auto begun = database_->run(first);
-  if (!begun) return unexpected(begun.error());
-  for (const auto& [claim, statement] : claims) read_claim((*begun)[statement], *claim);
+  MARBLE_ASSIGN_OR_RETURN(const auto begun, database_->run(first));
+  for (const auto& [claim, statement] : claims) read_claim(begun[statement], *claim);
   bool reports = std::ranges::any_of(changes, &Change::is_news);
   if (takes_over) {
-    const PgRows& late = (*begun)[take_over];
+    const PgRows& late = begun[take_over];
     for (int row = 0; row < late.size(); ++row) {
       reports = true;
       log_.warn(Component::server, "job_taken_over",
@@ -259,27 +257,24 @@ Expected<void> FleetStore::write_once(std::vector<Change>& changes, const Due& d
   }
   std::vector<TakenJob> taken;
   if (adds || room.jobs > 0) {
-    auto now = lines();
-    if (!now) return unexpected(now.error());
+    MARBLE_ASSIGN_OR_RETURN(auto now, lines());
     if (adds) {
-      if (auto added = add_all(changes, *now); !added) return added;
+      MARBLE_RETURN_IF_ERROR(add_all(changes, now));
     }
     if (room.jobs > 0) {
-      auto took = take(*now, room);
-      if (!took) return unexpected(took.error());
-      taken = std::move(*took);
-      if (auto counted = count_elements(taken); !counted) return counted;
+      MARBLE_ASSIGN_OR_RETURN(taken, take(now, room));
+      MARBLE_RETURN_IF_ERROR(count_elements(taken));
       reports = reports || !taken.empty();
     }
   }
   if (due.garbage_collector) {
-    if (auto cleaned = clean(); !cleaned) return cleaned;
+    MARBLE_RETURN_IF_ERROR(clean());
   }
   std::vector<PgStatement> last;
   if (reports) last.emplace_back(kFleetNotify);
   last.emplace_back("COMMIT");
   if (reports) fault_point("before_commit");
-  if (auto ended = database_->run(last); !ended) return unexpected(ended.error());
+  MARBLE_RETURN_IF_ERROR(database_->run(last));
   if (reports) fault_point("after_commit");
   if (!taken.empty()) taker_.took(std::move(taken));
   return {};
@@ -312,9 +307,8 @@ Expected<void> FleetStore::renew() {
                       .number(job.answer_bytes));
   }
   all.emplace_back("COMMIT");
-  const auto renewed = database_->run(all);
-  if (!renewed) return unexpected(renewed.error());
-  const PgRows& ours = (*renewed)[2];
+  MARBLE_ASSIGN_OR_RETURN(const auto renewed, database_->run(all));
+  const PgRows& ours = renewed[2];
   for (int row = 0; row < ours.size(); ++row) {
     if (ours.truth(row, 1)) taker_.cancelled(std::string(ours.bytes(row, 0)));
   }
@@ -330,18 +324,17 @@ Expected<void> FleetStore::renew() {
 }
 
 Expected<FleetStore::Lines> FleetStore::lines() {
-  const auto rows = database_->run(PgStatement(kLines).number(limits_.job_starts));
-  if (!rows) return unexpected(rows.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto rows, database_->run(PgStatement(kLines).number(limits_.job_starts)));
   Lines lines;
-  for (int row = 0; row < rows->size(); ++row) {
-    lines.push_back({.client = std::string(rows->bytes(row, 0)),
-                     .priority = static_cast<std::size_t>(rows->integer(row, 1)),
-                     .suspect = rows->truth(row, 6),
-                     .waiting = rows->integer(row, 2),
-                     .running = rows->integer(row, 3),
-                     .bytes = rows->integer(row, 4),
-                     .turn = rows->integer(row, 5),
-                     .drafts = rows->integer(row, 7)});
+  for (int row = 0; row < rows.size(); ++row) {
+    lines.push_back({.client = std::string(rows.bytes(row, 0)),
+                     .priority = static_cast<std::size_t>(rows.integer(row, 1)),
+                     .suspect = rows.truth(row, 6),
+                     .waiting = rows.integer(row, 2),
+                     .running = rows.integer(row, 3),
+                     .bytes = rows.integer(row, 4),
+                     .turn = rows.integer(row, 5),
+                     .drafts = rows.integer(row, 7)});
   }
   return lines;
 }
@@ -394,10 +387,9 @@ Expected<std::vector<TakenJob>> FleetStore::take(const Lines& lines, FleetTaker:
   for (const auto& [line, count] : counts)
     append(all,
            PgStatement(kTurn).text(std::get<0>(line)).number(static_cast<std::int64_t>(std::get<1>(line))));
-  const auto took = database_->run(all);
-  if (!took) return unexpected(took.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto took, database_->run(all));
   for (std::size_t i = 0; i < counts.size(); ++i) {
-    const PgRows& rows = (*took)[i];
+    const PgRows& rows = took[i];
     for (int row = 0; row < rows.size(); ++row) taken.push_back(taken_in(rows, row));
   }
   return taken;

@@ -91,7 +91,7 @@ FleetSubmissions::~FleetSubmissions() {
 Expected<std::unique_ptr<Submissions>> FleetSubmissions::begin(const ServiceParts& parts) {
   auto database = Postgres::open(parts.config.state);
   if (database) {
-    if (auto ready = prepare_fleet(*database); !ready) return unexpected(ready.error());
+    MARBLE_RETURN_IF_ERROR(prepare_fleet(*database));
   }
   std::unique_ptr<FleetSubmissions> begun(new FleetSubmissions(parts));
   if (database) begun->mirror_.wait(Postgres::kPatience);  // so that it can serve the existing jobs
@@ -119,9 +119,9 @@ Expected<OnFinished> FleetSubmissions::submit(const Caller& caller, std::shared_
   job->stored.request = request->SerializeAsString();
   if (job->stored.request.size() > kLargestValue) return unexpected(too_large("problem"));
   job->stored.request_id = request->request_id();
-  const auto checked = make_job(parts_, caller, JobKind::submitted, std::move(request));
-  if (!checked) return unexpected(checked.error());
-  const JobRecord& record = *(*checked)->record;
+  MARBLE_ASSIGN_OR_RETURN(const auto checked,
+                          make_job(parts_, caller, JobKind::submitted, std::move(request)));
+  const JobRecord& record = *checked->record;
   const JobDescription& what = record.description();
   if (!job->stored.request_id.empty()) job->stored.digest = digest_of(job->stored.request);
   job->stored.id = what.id;
@@ -129,11 +129,11 @@ Expected<OnFinished> FleetSubmissions::submit(const Caller& caller, std::shared_
   job->stored.peer = what.peer;
   if (what.trace) job->stored.traceparent = to_traceparent(*what.trace);
   job->stored.priority = static_cast<std::int64_t>(what.priority);
-  job->quota = (*checked)->quota;
+  job->quota = checked->quota;
   v1::JobInfo info;
   to_message(record, &info);
   job->info = info.SerializeAsString();
-  if (auto named = check_name(what.client); !named) return unexpected(named.error());
+  MARBLE_RETURN_IF_ERROR(check_name(what.client));
   return [this, job, response](const CompletionCallback& settled) {
     store_.add(job, [job, response, settled](const Expected<void>& made) {
       if (!made) return settled(unexpected(not_kept(made.error())));
@@ -151,8 +151,7 @@ Expected<OnFinished> FleetSubmissions::cancel(const Identity& caller, const std:
   if (!record) return unexpected(record.error());
   if (!may_end(caller, (*record)->description().client)) return unexpected(not_to_end(id));
   if (!outlives_call((*record)->description().kind) || (*record)->is_finished()) {
-    if (auto reported = cancel_job(parts_.board, caller, id, response); !reported)
-      return unexpected(reported.error());
+    MARBLE_RETURN_IF_ERROR(cancel_job(parts_.board, caller, id, response));
     return OnFinished();
   }
   // The result if the job still waits: no server runs it, so none writes one.
@@ -379,20 +378,17 @@ void FleetSubmissions::take_in(TakenJob taken, const std::shared_ptr<JobRecord>&
                shared = std::make_shared<StoredJob>(std::move(taken.stored))](
                   const SolveControls& controls) -> Expected<Solution> {
     StoredJob& own = *shared;
-    const auto read = stored_request(own.request);
-    if (!read) return unexpected(read.error());
-    const std::shared_ptr<v1::SolveRequest>& request = *read;
+    MARBLE_ASSIGN_OR_RETURN(const auto request, stored_request(own.request));
     own.request = {};
     const auto highest = static_cast<std::int64_t>(quota.priority);
     request->set_priority(to_message(priority_of(std::max(own.priority, highest))));
     const Caller caller{.identity = {.client = own.client, .roles = {}},
                         .origin = {.peer = own.peer, .client = own.client, .request_id = own.request_id},
                         .earlier = Caller::Earlier{own.id, time_of(own.accepted_unix_s), record}};
-    const auto made = make_job(parts_, caller, JobKind::submitted, request);
-    if (!made) return unexpected(made.error());
+    MARBLE_ASSIGN_OR_RETURN(const auto made, make_job(parts_, caller, JobKind::submitted, request));
     fault_point("job", own.request_id);
-    auto solved = (*made)->work(controls);
-    if (const auto whole = taken_in.lock()) whole->also = std::move((*made)->also);
+    auto solved = made->work(controls);
+    if (const auto whole = taken_in.lock()) whole->also = std::move(made->also);
     return solved;
   };
   const auto place = parts_.scheduler.admit(job);

@@ -93,46 +93,40 @@ Answer results_page(const ServiceParts& parts, Semaphore& semaphore) {
   return [&parts, &semaphore](const httplib::Request& request, const Identity& caller,
                               httplib::Response& response) -> Expected<void> {
     const std::string id = request.matches[1].str();
-    if (auto known = check_parameters(request, {"after", "wait"}); !known) return known;
-    const auto wait_s = wait_of(parts, request);
-    if (!wait_s) return unexpected(wait_s.error());
-    const auto array = find(parts, caller, id);
-    if (!array) return unexpected(array.error());
-    const auto after = after_of(request, array->elements);
-    if (!after) return unexpected(after.error());
+    MARBLE_RETURN_IF_ERROR(check_parameters(request, {"after", "wait"}));
+    MARBLE_ASSIGN_OR_RETURN(const auto wait_s, wait_of(parts, request));
+    MARBLE_ASSIGN_OR_RETURN(const auto array, find(parts, caller, id));
+    MARBLE_ASSIGN_OR_RETURN(const auto after, after_of(request, array.elements));
     std::unique_ptr<Waiting> waiting;
-    if (*wait_s > 0.0) {
-      auto begun = Waiting::begin(parts, semaphore, caller.client);
-      if (!begun) return unexpected(begun.error());
-      waiting = std::move(*begun);
+    if (wait_s > 0.0) {
+      MARBLE_ASSIGN_OR_RETURN(waiting, Waiting::begin(parts, semaphore, caller.client));
     }
-    const auto patience = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(*wait_s));
-    const auto news = wait_for_news(parts, *array->results, *after,
-                                    Clock::now() + std::max<Clock::duration>(patience, kShortly));
-    if (!news) return unexpected(news.error());
-    const auto still = parts.access.identify(credentials_of(request));  // tokens and roles can be reloaded
-    if (!still) return unexpected(still.error());
-    if (!may_end(*still, array->client)) return unexpected(no_array(id));
-    if (news->is_over && news->end) {
-      reply_failed_job(response, id, *news->end);
+    const auto patience = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(wait_s));
+    MARBLE_ASSIGN_OR_RETURN(const auto news,
+                            wait_for_news(parts, *array.results, after,
+                                          Clock::now() + std::max<Clock::duration>(patience, kShortly)));
+    // tokens and roles can be reloaded
+    MARBLE_ASSIGN_OR_RETURN(const auto still, parts.access.identify(credentials_of(request)));
+    if (!may_end(still, array.client)) return unexpected(no_array(id));
+    if (news.is_over && news.end) {
+      reply_failed_job(response, id, *news.end);
       return {};
     }
-    if (news->is_over) {
+    if (news.is_over) {
       response.status = 204;
       return {};
     }
-    if (news->answers.empty()) {
+    if (news.answers.empty()) {
       response.set_header("Retry-After", "1");
-      return unexpected(failure(ErrorCode::failed_precondition, "after", std::to_string(*after),
+      return unexpected(failure(ErrorCode::failed_precondition, "after", std::to_string(after),
                                 "is followed by no result yet; wait, or come back"));
     }
     std::int64_t bytes = 0;
-    for (const ElementAnswer& answer : news->answers)
+    for (const ElementAnswer& answer : news.answers)
       bytes += static_cast<std::int64_t>(answer.message.size());
-    auto memory = semaphore.hold(caller.client, kBytesOfPage * bytes);
-    if (!memory) return unexpected(memory.error());
-    return reply_long_bytes(response, semaphore, *std::move(memory),
-                            std::make_shared<const std::string>(lines_of(news->answers)),
+    MARBLE_ASSIGN_OR_RETURN(auto memory, semaphore.hold(caller.client, kBytesOfPage * bytes));
+    return reply_long_bytes(response, semaphore, std::move(memory),
+                            std::make_shared<const std::string>(lines_of(news.answers)),
                             "application/x-ndjson");
   };
 }

@@ -89,16 +89,14 @@ Expected<std::unique_ptr<EventHub::Viewer>> EventHub::watch_all(const Identity& 
 
 Expected<std::unique_ptr<EventHub::Viewer>> EventHub::watch_job(const Identity& caller,
                                                                 const std::string& id) {
-  const auto record = find_job(parts_.board, caller, id);
-  if (!record) return unexpected(record.error());
-  const std::string& owner = (*record)->description().client;
+  MARBLE_ASSIGN_OR_RETURN(const auto record, find_job(parts_.board, caller, id));
+  const std::string& owner = record->description().client;
   return join(caller, {.key = "job " + id, .job_id = id, .owner = owner, .viewer = {owner, {}}});
 }
 
 Expected<std::unique_ptr<EventHub::Viewer>> EventHub::join(const Identity& caller, Topic topic) {
   const Quota quota = parts_.access.quota_of(caller.client);
-  if (auto entered = parts_.feeds.enter(caller.client, quota.watchers); !entered)
-    return unexpected(entered.error());
+  MARBLE_RETURN_IF_ERROR(parts_.feeds.enter(caller.client, quota.watchers));
   auto place = semaphore_.stay();
   if (!place) {
     parts_.feeds.leave(caller.client);

@@ -81,9 +81,8 @@ void add_event_routes(Router& router, const ServiceParts& parts, EventHub& hub) 
   router.get("/api/events", endpoint(parts,
                                      [&](const httplib::Request& request, const Identity& caller,
                                          httplib::Response& response) -> Expected<void> {
-                                       auto viewer = hub.watch_all(caller);
-                                       if (!viewer) return unexpected(viewer.error());
-                                       stream(parts, request, std::move(*viewer), hello(parts, caller),
+                                       MARBLE_ASSIGN_OR_RETURN(auto viewer, hub.watch_all(caller));
+                                       stream(parts, request, std::move(viewer), hello(parts, caller),
                                               response);
                                        return {};
                                      }));
@@ -91,10 +90,10 @@ void add_event_routes(Router& router, const ServiceParts& parts, EventHub& hub) 
                                                   [&](const httplib::Request& request, const Identity& caller,
                                                       httplib::Response& response) -> Expected<void> {
                                                     const std::string id = request.matches[1].str();
-                                                    if (auto looked = look(parts, id); !looked) return looked;
-                                                    auto viewer = hub.watch_job(caller, id);
-                                                    if (!viewer) return unexpected(viewer.error());
-                                                    stream(parts, request, std::move(*viewer), "", response);
+                                                    MARBLE_RETURN_IF_ERROR(look(parts, id));
+                                                    MARBLE_ASSIGN_OR_RETURN(auto viewer,
+                                                                            hub.watch_job(caller, id));
+                                                    stream(parts, request, std::move(viewer), "", response);
                                                     return {};
                                                   }));
 }

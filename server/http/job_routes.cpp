@@ -46,10 +46,9 @@ Expected<void> read_limit(const httplib::Request& request, v1::ListJobsRequest* 
 
 Expected<v1::ListJobsRequest> list_request(const httplib::Request& request) {
   v1::ListJobsRequest message;
-  if (auto known = check_parameters(request, {"state", "client", "limit", "before"}); !known)
-    return unexpected(known.error());
-  if (auto read = read_states(request, &message); !read) return unexpected(read.error());
-  if (auto read = read_limit(request, &message); !read) return unexpected(read.error());
+  MARBLE_RETURN_IF_ERROR(check_parameters(request, {"state", "client", "limit", "before"}));
+  MARBLE_RETURN_IF_ERROR(read_states(request, &message));
+  MARBLE_RETURN_IF_ERROR(read_limit(request, &message));
   message.set_client(request.get_param_value("client"));
   message.set_before_job_id(request.get_param_value("before"));
   return message;
@@ -78,9 +77,9 @@ Answer of_job(const ServiceParts& parts, Semaphore& semaphore, Ask ask) {
   return [&parts, &semaphore, ask](const httplib::Request& request, const Identity& caller,
                                    httplib::Response& response) -> Expected<void> {
     const std::string id = request.matches[1].str();
-    if (auto looked = look(parts, id); !looked) return looked;
+    MARBLE_RETURN_IF_ERROR(look(parts, id));
     const auto message = std::make_shared<Response>();
-    if (auto asked = ask(parts.board, caller, id, message.get()); !asked) return asked;
+    MARBLE_RETURN_IF_ERROR(ask(parts.board, caller, id, message.get()));
     return reply_long_json(response, semaphore, caller.client, message);
   };
 }
@@ -98,8 +97,7 @@ Expected<void> reply_bundle(const ServiceParts& parts, Semaphore& semaphore, con
   const auto bundle = gathered->get_future().get();
   if (!bundle) return unexpected(bundle.error());
   const auto parts_size = static_cast<std::int64_t>((*bundle)->request.size() + (*bundle)->answer.size());
-  auto memory = semaphore.hold(caller.client, kBytesOfBundle * parts_size);
-  if (!memory) return unexpected(memory.error());
+  MARBLE_ASSIGN_OR_RETURN(auto memory, semaphore.hold(caller.client, kBytesOfBundle * parts_size));
   // Counts the bundle among those being sent until its file is sent.
   struct Sent {
     GatheredBundle bundle;
@@ -111,10 +109,9 @@ Expected<void> reply_bundle(const ServiceParts& parts, Semaphore& semaphore, con
     return {};
   });
   if (!written) return written;
-  if (auto resized = memory->resize(parts_size + static_cast<std::int64_t>(sent->file.capacity())); !resized)
-    return resized;
+  MARBLE_RETURN_IF_ERROR(memory.resize(parts_size + static_cast<std::int64_t>(sent->file.capacity())));
   set_file_name(response, id, ".tar.zst");
-  return reply_long_bytes(response, semaphore, *std::move(memory), {sent, &sent->file}, "application/zstd");
+  return reply_long_bytes(response, semaphore, std::move(memory), {sent, &sent->file}, "application/zstd");
 }
 
 }  // namespace
@@ -128,29 +125,26 @@ void add_job_routes(Router& router, const ServiceParts& parts, Semaphore& semaph
                                      reply_json(response, message);
                                      return {};
                                    }));
-  router.get("/api/jobs", endpoint(parts,
-                                   [&](const httplib::Request& request, const Identity& caller,
-                                       httplib::Response& response) -> Expected<void> {
-                                     const auto asked = list_request(request);
-                                     if (!asked) return unexpected(asked.error());
-                                     if (auto looked = look(parts); !looked) return looked;
-                                     const auto message = std::make_shared<v1::ListJobsResponse>();
-                                     if (auto listed = list_jobs(parts.board, caller, *asked, message.get());
-                                         !listed)
-                                       return listed;
-                                     return reply_long_json(response, semaphore, caller.client, message);
-                                   }));
+  router.get("/api/jobs",
+             endpoint(parts,
+                      [&](const httplib::Request& request, const Identity& caller,
+                          httplib::Response& response) -> Expected<void> {
+                        MARBLE_ASSIGN_OR_RETURN(const auto asked, list_request(request));
+                        MARBLE_RETURN_IF_ERROR(look(parts));
+                        const auto message = std::make_shared<v1::ListJobsResponse>();
+                        MARBLE_RETURN_IF_ERROR(list_jobs(parts.board, caller, asked, message.get()));
+                        return reply_long_json(response, semaphore, caller.client, message);
+                      }));
   router.get("/api/jobs/([^/]+)", endpoint(parts, of_job<v1::GetJobResponse>(parts, semaphore, get_job)));
   router.get("/api/jobs/([^/]+)/trace\\.csv",
              endpoint(parts,
                       [&parts](const httplib::Request& request, const Identity& caller,
                                httplib::Response& response) -> Expected<void> {
                         const std::string id = request.matches[1].str();
-                        if (auto looked = look(parts, id); !looked) return looked;
-                        const auto record = find_job(parts.board, caller, id);
-                        if (!record) return unexpected(record.error());
+                        MARBLE_RETURN_IF_ERROR(look(parts, id));
+                        MARBLE_ASSIGN_OR_RETURN(const auto record, find_job(parts.board, caller, id));
                         set_file_name(response, id, ".csv");
-                        response.set_content(trace_csv((*record)->trace()),
+                        response.set_content(trace_csv(record->trace()),
                                              "text/csv; charset=utf-8; header=present");
                         return {};
                       }));
@@ -158,7 +152,7 @@ void add_job_routes(Router& router, const ServiceParts& parts, Semaphore& semaph
                                                   [&](const httplib::Request& request, const Identity& caller,
                                                       httplib::Response& response) -> Expected<void> {
                                                     const std::string id = request.matches[1].str();
-                                                    if (auto looked = look(parts, id); !looked) return looked;
+                                                    MARBLE_RETURN_IF_ERROR(look(parts, id));
                                                     return reply_bundle(parts, semaphore, caller, id,
                                                                         response);
                                                   }));
@@ -167,11 +161,10 @@ void add_job_routes(Router& router, const ServiceParts& parts, Semaphore& semaph
                        [&parts](const httplib::Request& request, const Identity& caller,
                                 httplib::Response& response) -> Expected<void> {
                          const std::string id = request.matches[1].str();
-                         if (auto looked = look(parts, id); !looked) return looked;
+                         MARBLE_RETURN_IF_ERROR(look(parts, id));
                          v1::CancelJobResponse message;
-                         auto asked = parts.submissions->cancel(caller, id, &message);
-                         if (!asked) return unexpected(asked.error());
-                         if (auto kept = wait_for(*asked); !kept) return kept;
+                         MARBLE_ASSIGN_OR_RETURN(auto asked, parts.submissions->cancel(caller, id, &message));
+                         MARBLE_RETURN_IF_ERROR(wait_for(asked));
                          reply_json(response, message);
                          return {};
                        }));

@@ -71,10 +71,9 @@ namespace {
 template <class Put>
 Expected<void> reply_held(httplib::Response& response, Semaphore& semaphore, Semaphore::Permit memory,
                           std::uint64_t length, const char* type, const Put& put) {
-  auto thread = semaphore.stay();
-  if (!thread) return unexpected(thread.error());
-  const auto held = std::make_shared<std::pair<Semaphore::Permit, Semaphore::Permit>>(std::move(memory),
-                                                                                      *std::move(thread));
+  MARBLE_ASSIGN_OR_RETURN(auto thread, semaphore.stay());
+  const auto held =
+      std::make_shared<std::pair<Semaphore::Permit, Semaphore::Permit>>(std::move(memory), std::move(thread));
   response.set_content_provider(
       static_cast<std::size_t>(length), type, [held, put](std::size_t, std::size_t, httplib::DataSink& sink) {
         return put([&sink](std::string_view piece) { return sink.write(piece.data(), piece.size()); });
@@ -98,16 +97,15 @@ Expected<void> reply_long_json(httplib::Response& response, Semaphore& semaphore
     return {};
   }
   const auto size = static_cast<std::int64_t>(message->SpaceUsedLong()) + kJsonPieceBytes;
-  if (auto resized = memory.resize(size); !resized) return resized;
+  MARBLE_RETURN_IF_ERROR(memory.resize(size));
   return reply_held(response, semaphore, std::move(memory), length, kJson,
                     [message](const TextSink& sink) { return write_message_json(*message, sink); });
 }
 
 Expected<void> reply_long_json(httplib::Response& response, Semaphore& semaphore, const std::string& client,
                                std::shared_ptr<const google::protobuf::Message> message) {
-  auto memory = semaphore.hold(client, 0);
-  if (!memory) return unexpected(memory.error());
-  return reply_long_json(response, semaphore, *std::move(memory), std::move(message));
+  MARBLE_ASSIGN_OR_RETURN(auto memory, semaphore.hold(client, 0));
+  return reply_long_json(response, semaphore, std::move(memory), std::move(message));
 }
 
 Expected<void> reply_long_bytes(httplib::Response& response, Semaphore& semaphore, Semaphore::Permit memory,

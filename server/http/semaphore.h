@@ -33,7 +33,7 @@ class Semaphore {
     }
     /// Holds this number of bytes from now on. Errors: resource_exhausted; it then keeps the number it had.
     [[nodiscard]] Expected<void> resize(std::int64_t bytes) {
-      if (auto taken = all_->take(client_, bytes_, bytes); !taken) return taken;
+      MARBLE_RETURN_IF_ERROR(all_->take(client_, bytes_, bytes));
       bytes_ = bytes;
       return {};
     }
@@ -63,7 +63,7 @@ class Semaphore {
   /// exceed this half, and the only request of all clients the total. Errors: resource_exhausted.
   [[nodiscard]] Expected<Permit> hold(const std::string& client, std::int64_t bytes)
       ABSL_LOCKS_EXCLUDED(mutex_) {
-    if (auto taken = take(client, 0, bytes); !taken) return unexpected(taken.error());
+    MARBLE_RETURN_IF_ERROR(take(client, 0, bytes));
     return Permit(*this, 0, bytes, client);
   }
 

@@ -63,12 +63,11 @@ Expected<void> read_rest(const std::string& rest, v1::SolveRequest* message) {
 }  // namespace
 
 Expected<std::shared_ptr<v1::SolveRequest>> solve_request_of(std::string_view text, std::int64_t most_bytes) {
-  auto read = parse_json_request(text, other_members());
-  if (!read) return unexpected(read.error());
+  MARBLE_ASSIGN_OR_RETURN(auto read, parse_json_request(text, other_members()));
   auto message = std::make_shared<v1::SolveRequest>();
-  if (auto rest = read_rest(read->rest, message.get()); !rest) return unexpected(rest.error());
-  if (read->problem) {
-    const OwnedProblem& problem = read->problem->problem;
+  MARBLE_RETURN_IF_ERROR(read_rest(read.rest, message.get()));
+  if (read.problem) {
+    const OwnedProblem& problem = read.problem->problem;
     if (!problem.initial_z.empty() && message->has_initial_point())
       return unexpected(invalid("initial_point", "must not be there beside x0 of the problem"));
     to_message(problem.view(), message->mutable_problem());

@@ -34,9 +34,8 @@ Expected<std::string> read_body(const httplib::ContentReader& read, Semaphore& s
                                 int* status) {
   std::optional<Semaphore::Permit> stays;
   if (length > BoundedServer::kOrdinaryBody) {
-    auto place = semaphore.stay();
-    if (!place) return unexpected(place.error());
-    stays.emplace(*std::move(place));
+    MARBLE_ASSIGN_OR_RETURN(auto place, semaphore.stay());
+    stays.emplace(std::move(place));
   }
   std::string text;
   text.reserve(length);
@@ -55,9 +54,8 @@ Expected<std::string> read_body(const httplib::ContentReader& read, Semaphore& s
 Expected<void> submit_body(const ServiceParts& parts, Semaphore& semaphore, const httplib::Request& request,
                            const httplib::ContentReader& read, Origin& origin, httplib::Response& response,
                            int* status) {
-  auto identity = parts.access.require(credentials_of(request), Role::solve);
-  if (!identity) return unexpected(identity.error());
-  origin.client = identity->client;
+  MARBLE_ASSIGN_OR_RETURN(auto identity, parts.access.require(credentials_of(request), Role::solve));
+  origin.client = identity.client;
   if (!is_json(request) || request.has_header("Content-Encoding")) {
     *status = 415;
     return unexpected(invalid("Content-Type", request.get_header_value("Content-Type"),
@@ -68,21 +66,18 @@ Expected<void> submit_body(const ServiceParts& parts, Semaphore& semaphore, cons
     return unexpected(invalid("Content-Length", "must be there: a body has no pieces here"));
   }
   const auto length = request.get_header_value<std::uint64_t>("Content-Length");
-  const auto memory = semaphore.hold(identity->client, kBytesOfBody * static_cast<std::int64_t>(length));
+  const auto memory = semaphore.hold(identity.client, kBytesOfBody * static_cast<std::int64_t>(length));
   if (!memory) return unexpected(memory.error());
   std::shared_ptr<v1::SolveRequest> message;
   {
-    const auto text = read_body(read, semaphore, length, status);
-    if (!text) return unexpected(text.error());
-    auto parsed = solve_request_of(*text, parts.config.message_bytes);
-    if (!parsed) return unexpected(parsed.error());
-    message = std::move(*parsed);
+    MARBLE_ASSIGN_OR_RETURN(const auto text, read_body(read, semaphore, length, status));
+    MARBLE_ASSIGN_OR_RETURN(message, solve_request_of(text, parts.config.message_bytes));
   }
   origin.request_id = message->request_id();
   v1::SubmitResponse answer;
-  const auto submitted = parts.submissions->submit({*identity, origin}, std::move(message), &answer);
-  if (!submitted) return unexpected(submitted.error());
-  if (auto kept = wait_for(*submitted); !kept) return kept;
+  MARBLE_ASSIGN_OR_RETURN(const auto submitted,
+                          parts.submissions->submit({identity, origin}, std::move(message), &answer));
+  MARBLE_RETURN_IF_ERROR(wait_for(submitted));
   response.status = 202;
   response.set_header("Location", std::string(kJobsPath) + "/" + answer.job_id());
   reply_json(response, answer);
@@ -138,10 +133,9 @@ Answer answering(const ServiceParts& parts, Semaphore& semaphore) {
   return [&parts, &semaphore](const httplib::Request& request, const Identity& caller,
                               httplib::Response& response) -> Expected<void> {
     const std::string id = request.matches[1].str();
-    if (auto known = check_parameters(request, {"wait"}); !known) return known;
-    const auto wait_s = wait_of(parts, request);
-    if (!wait_s) return unexpected(wait_s.error());
-    if (auto looked = look(parts, id); !looked) return looked;
+    MARBLE_RETURN_IF_ERROR(check_parameters(request, {"wait"}));
+    MARBLE_ASSIGN_OR_RETURN(const auto wait_s, wait_of(parts, request));
+    MARBLE_RETURN_IF_ERROR(look(parts, id));
     const std::string owner = parts.results.owner(id);
     if (owner.empty() || !may_end(caller, owner)) return unexpected(no_answer(id));
     auto result = parts.results.get(id);
@@ -149,20 +143,18 @@ Answer answering(const ServiceParts& parts, Semaphore& semaphore) {
       const auto record = parts.board.find(id);
       const bool over = record == nullptr || record->is_finished();
       std::unique_ptr<Waiting> waiting;
-      if (!over && *wait_s > 0.0) {
-        auto begun = Waiting::begin(parts, semaphore, caller.client);
-        if (!begun) return unexpected(begun.error());
-        waiting = std::move(*begun);
+      if (!over && wait_s > 0.0) {
+        MARBLE_ASSIGN_OR_RETURN(waiting, Waiting::begin(parts, semaphore, caller.client));
       }
       const auto patience =
-          std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(*wait_s));
-      auto waited = wait_for_answer(
-          parts, id, Clock::now() + (over ? std::max<Clock::duration>(patience, kMoment) : patience));
-      if (!waited) return unexpected(waited.error());
-      result = std::move(*waited);
-      const auto still = parts.access.identify(credentials_of(request));  // tokens and roles can be reloaded
-      if (!still) return unexpected(still.error());
-      if (!may_end(*still, owner)) return unexpected(no_answer(id));
+          std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(wait_s));
+      MARBLE_ASSIGN_OR_RETURN(
+          result,
+          wait_for_answer(parts, id,
+                          Clock::now() + (over ? std::max<Clock::duration>(patience, kMoment) : patience)));
+      // tokens and roles can be reloaded
+      MARBLE_ASSIGN_OR_RETURN(const auto still, parts.access.identify(credentials_of(request)));
+      if (!may_end(still, owner)) return unexpected(no_answer(id));
     }
     if (result == nullptr) {
       response.set_header("Retry-After", "1");
@@ -192,10 +184,10 @@ void add_submission_routes(Router& router, const ServiceParts& parts, Semaphore&
                                            [&parts](const httplib::Request& request, const Identity& caller,
                                                     httplib::Response& response) -> Expected<void> {
                                              const std::string id = request.matches[1].str();
-                                             if (auto looked = look(parts, id); !looked) return looked;
-                                             const auto removed = parts.submissions->remove(caller, id);
-                                             if (!removed) return unexpected(removed.error());
-                                             if (auto kept = wait_for(*removed); !kept) return kept;
+                                             MARBLE_RETURN_IF_ERROR(look(parts, id));
+                                             MARBLE_ASSIGN_OR_RETURN(const auto removed,
+                                                                     parts.submissions->remove(caller, id));
+                                             MARBLE_RETURN_IF_ERROR(wait_for(removed));
                                              reply_json(response, v1::DeleteJobResponse());
                                              return {};
                                            }));

@@ -24,12 +24,10 @@ class Waiting {
   [[nodiscard]] static Expected<std::unique_ptr<Waiting>> begin(const ServiceParts& parts,
                                                                 Semaphore& semaphore,
                                                                 const std::string& client) {
-    if (auto entered = parts.feeds.enter(client, parts.access.quota_of(client).watchers); !entered)
-      return unexpected(entered.error());
+    MARBLE_RETURN_IF_ERROR(parts.feeds.enter(client, parts.access.quota_of(client).watchers));
     auto waiting = std::unique_ptr<Waiting>(new Waiting(parts.feeds, client));
-    auto place = semaphore.stay();
-    if (!place) return unexpected(place.error());
-    waiting->place_.emplace(*std::move(place));
+    MARBLE_ASSIGN_OR_RETURN(auto place, semaphore.stay());
+    waiting->place_.emplace(std::move(place));
     return waiting;
   }
   ~Waiting() { feeds_.leave(client_); }

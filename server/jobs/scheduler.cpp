@@ -99,8 +99,7 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
   }
   look_at_waiting();
   const QueuePlace place = place_of(*job, busy_s());
-  if (auto in_time = check_deadline(job, key, place.estimated_wait_s); !in_time)
-    return unexpected(in_time.error());
+  MARBLE_RETURN_IF_ERROR(check_deadline(job, key, place.estimated_wait_s));
   if (!job->ticket.reserved) ++counters_.accepted;
   if (job->ticket.takes_place()) {
     board_.add(job->record);

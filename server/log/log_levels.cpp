@@ -49,8 +49,7 @@ Expected<LogLevels> log_levels_of(const std::string& level, const std::string& o
   for (std::size_t end = 0; end != std::string::npos; begin = end + 1) {
     end = overrides.find(',', begin);
     const auto length = end == std::string::npos ? end : end - begin;
-    if (auto valid = set_one(trimmed(overrides.substr(begin, length)), reported, levels); !valid)
-      return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(set_one(trimmed(overrides.substr(begin, length)), reported, levels));
   }
   return levels;
 }

@@ -105,10 +105,9 @@ Expected<Listening> listen(const Config& config, const std::vector<grpc::Service
   Listening result;
   std::vector<Acceptor::Entrance> entrances;
   for (const std::string& address : config.listen) {
-    auto socket = open_in_time(address, config, log);
-    if (!socket) return unexpected(socket.error());
-    result.addresses.push_back(socket->address());
-    entrances.push_back({std::move(*socket), nullptr});
+    MARBLE_ASSIGN_OR_RETURN(auto socket, open_in_time(address, config, log));
+    result.addresses.push_back(socket.address());
+    entrances.push_back({std::move(socket), nullptr});
   }
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();

@@ -52,8 +52,7 @@ Expected<ListeningSocket> ListeningSocket::open(const std::string& address,
   result.address_ = address;
   for (const char* prefix : {kUnixPrefix, kAbstractPrefix}) {
     if (address.rfind(prefix, 0) != 0) continue;
-    const auto opened = result.open_unix(address.substr(std::strlen(prefix)), prefix == kAbstractPrefix);
-    if (!opened) return unexpected(opened.error());
+    MARBLE_RETURN_IF_ERROR(result.open_unix(address.substr(std::strlen(prefix)), prefix == kAbstractPrefix));
     return result;
   }
   const std::size_t colon = address.rfind(':');
@@ -66,8 +65,7 @@ Expected<ListeningSocket> ListeningSocket::open(const std::string& address,
                               "must be HOST:PORT, unix:PATH or unix-abstract:NAME"));
   }
   if (host.size() > 2 && host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
-  const auto opened = result.open_port(host, std::stoi(port), silence);
-  if (!opened) return unexpected(opened.error());
+  MARBLE_RETURN_IF_ERROR(result.open_port(host, std::stoi(port), silence));
   result.address_ = address.substr(0, colon + 1) + std::to_string(port_of(result.sockets_[0].get()));
   return result;
 }

@@ -88,13 +88,11 @@ bool is_of_one_problem(JobKind kind, const Message& message) {
 template <class Message>
 Expected<Common> check_common(const ServiceParts& parts, const Quota& quota, JobKind kind,
                               const Message& message) {
-  if (auto valid = check_labels(message.request_id(), message.problem().name(), "problem.name"); !valid)
-    return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_labels(message.request_id(), message.problem().name(), "problem.name"));
   if constexpr (requires { message.name(); }) {
-    if (auto valid = check_labels("", message.name(), "name"); !valid) return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(check_labels("", message.name(), "name"));
   }
-  const auto priority = priority_of(message.priority(), kind, quota);
-  if (!priority) return unexpected(priority.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto priority, priority_of(message.priority(), kind, quota));
   auto options = options_of(message.options(), parts.config.solver_defaults);
   if (!options) return unexpected(inside("options", options.error()));
   if (auto valid = validate(*options); !valid) return unexpected(inside("options", valid.error()));
@@ -105,7 +103,7 @@ Expected<Common> check_common(const ServiceParts& parts, const Quota& quota, Job
     }
     options->explain = false;  // the server's default applies only to solves that support it
   }
-  return Common{*std::move(options), *priority};
+  return Common{*std::move(options), priority};
 }
 
 template <class Message>
@@ -136,8 +134,7 @@ std::shared_ptr<JobRecord> make_record(const ServiceParts& parts, const Caller& 
 template <class Message>
 Expected<CheckedRequest> check(const ServiceParts& parts, const Caller& caller, const Quota& quota,
                                JobKind kind, const Message& message) {
-  const auto common = check_common(parts, quota, kind, message);
-  if (!common) return unexpected(common.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto common, check_common(parts, quota, kind, message));
   const auto problem = Problem::create(view_of(message.problem()));
   if (!problem) {
     const Error& error = problem.error();
@@ -158,16 +155,14 @@ Expected<CheckedRequest> check(const ServiceParts& parts, const Caller& caller, 
   std::optional<CheckedSensitivity> sensitivity;
   if constexpr (requires { message.sensitivity(); }) {
     if (message.has_sensitivity()) {
-      auto checked = checked_sensitivity(message.sensitivity(), PartSizes::of(*problem),
-                                         SensitivityLimits::of(parts.config));
-      if (!checked) return unexpected(checked.error());
-      sensitivity = std::move(*checked);
+      MARBLE_ASSIGN_OR_RETURN(sensitivity, checked_sensitivity(message.sensitivity(), PartSizes::of(*problem),
+                                                               SensitivityLimits::of(parts.config)));
     }
   }
   auto record =
-      make_record(parts, caller, kind, message, *common,
+      make_record(parts, caller, kind, message, common,
                   {problem->variables(), problem->equalities(), problem->inequalities(), problem->pairs()});
-  return CheckedRequest{*problem,         common->options,       common->priority,
+  return CheckedRequest{*problem,         common.options,        common.priority,
                         initial_z,        std::move(warm_start), std::move(sensitivity),
                         std::move(record)};
 }
@@ -205,11 +200,10 @@ std::shared_ptr<Job> job_of(const Caller& caller, const Quota& quota, std::int64
 
 Expected<Caller> caller_of(const ServiceParts& parts, const grpc::CallbackServerContext& context,
                            Origin& origin, Role role) {
-  auto identity = parts.access.require(context, role);
-  if (!identity) return unexpected(identity.error());
-  origin.client = identity->client;
+  MARBLE_ASSIGN_OR_RETURN(auto identity, parts.access.require(context, role));
+  origin.client = identity.client;
   parts.connections.known(origin.peer);
-  return Caller{std::move(*identity), origin, deadline_of(context)};
+  return Caller{std::move(identity), origin, deadline_of(context)};
 }
 
 Expected<Identity> identify(const ServiceParts& parts, const grpc::CallbackServerContext& context,
@@ -231,9 +225,8 @@ Expected<CheckedRequest> check_request(const ServiceParts& parts, const Caller& 
 
 Expected<CheckedArray> check_request(const ServiceParts& parts, const Caller& caller, const Quota& quota,
                                      const v1::ArraySetup& message) {
-  const auto common = check_common(parts, quota, JobKind::array, message);
-  if (!common) return unexpected(common.error());
-  CheckedArray array{common->options, common->priority, std::nullopt, nullptr};
+  MARBLE_ASSIGN_OR_RETURN(const auto common, check_common(parts, quota, JobKind::array, message));
+  CheckedArray array{common.options, common.priority, std::nullopt, nullptr};
   BlockPlace sizes;
   if (message.has_problem()) {
     const auto problem = Problem::create(view_of(message.problem()));
@@ -244,7 +237,7 @@ Expected<CheckedArray> check_request(const ServiceParts& parts, const Caller& ca
     array.base = PartSizes::of(*problem);
     sizes = {problem->variables(), problem->equalities(), problem->inequalities(), problem->pairs()};
   }
-  array.record = make_record(parts, caller, JobKind::array, message, *common, sizes);
+  array.record = make_record(parts, caller, JobKind::array, message, common, sizes);
   return array;
 }
 
@@ -263,13 +256,11 @@ Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller&
   if (kind == JobKind::solve && message->has_scenarios()) kind = JobKind::scenarios;
   if (kind == JobKind::solve && message->has_coupled()) kind = JobKind::coupled;
   if (has_blocks(*message)) {
-    const auto common = check_common(parts, quota, kind, *message);
-    if (!common) return unexpected(common.error());
-    const auto sizes = check_blocks(parts.config, *message);
-    if (!sizes) return unexpected(sizes.error());
-    auto job = job_of(caller, quota, bytes, *common);
-    job->record = make_record(parts, caller, kind, *message, *common, *sizes);
-    auto set = set_coupled_work(parts.config, std::move(message), common->options, *job);
+    MARBLE_ASSIGN_OR_RETURN(const auto common, check_common(parts, quota, kind, *message));
+    MARBLE_ASSIGN_OR_RETURN(const auto sizes, check_blocks(parts.config, *message));
+    auto job = job_of(caller, quota, bytes, common);
+    job->record = make_record(parts, caller, kind, *message, common, sizes);
+    auto set = set_coupled_work(parts.config, std::move(message), common.options, *job);
     return set ? Expected<std::shared_ptr<Job>>(std::move(job)) : unexpected(set.error());
   }
   auto checked = check(parts, caller, quota, kind, *message);

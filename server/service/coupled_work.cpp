@@ -86,9 +86,8 @@ Expected<Work> segments_work(const Config& config, const v1::SolveRequest& reque
   if (request.coupled().coupling_rhs_size() > 0 || request.coupled().coupling_multipliers_size() > 0)
     return unexpected(
         invalid("coupled.segments", "must be alone: coupling_rhs and coupling_multipliers are of blocks"));
-  if (auto fits = check_count(config, options.num_segments, "coupled.segments.num_segments", " segments");
-      !fits)
-    return unexpected(fits.error());
+  MARBLE_RETURN_IF_ERROR(
+      check_count(config, options.num_segments, "coupled.segments.num_segments", " segments"));
   const std::span stages(segments.stages().data(), static_cast<std::size_t>(segments.stages_size()));
   const auto problem = Problem::create(view_of(request.problem()));
   if (!problem) return unexpected(problem.error());
@@ -123,17 +122,15 @@ Expected<BlockPlace> check_blocks(const Config& config, const v1::SolveRequest& 
     return unexpected(invalid("problem", "must have nothing but its name: blocks have the problems"));
   if (request.coupled().has_segments())
     return unexpected(invalid("coupled.segments", "must be absent where there are blocks"));
-  if (auto fits = check_count(config, request.coupled().blocks_size(), "coupled.blocks", " blocks"); !fits)
-    return unexpected(fits.error());
+  MARBLE_RETURN_IF_ERROR(check_count(config, request.coupled().blocks_size(), "coupled.blocks", " blocks"));
   const CoupledView view = coupled_of(request.coupled());
   if (auto valid = check(view); !valid) return unexpected(as_in_message(valid.error()));
-  if (auto fits = check_rows(config, view); !fits) return unexpected(fits.error());
+  MARBLE_RETURN_IF_ERROR(check_rows(config, view));
   const auto& coupling_multipliers = request.coupled().coupling_multipliers();
   if (!coupling_multipliers.empty()) {
     const std::span numbers(coupling_multipliers.data(),
                             static_cast<std::size_t>(coupling_multipliers.size()));
-    if (auto valid = check_numbers(numbers, view.coupling_rhs.size(), "coupled.coupling_multipliers"); !valid)
-      return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(check_numbers(numbers, view.coupling_rhs.size(), "coupled.coupling_multipliers"));
   }
   BlockPlace sizes = monolithic_places(view).back();
   sizes.equalities += static_cast<Index>(view.coupling_rhs.size());
@@ -164,9 +161,7 @@ Expected<void> set_coupled_work(const Config& config, std::shared_ptr<const v1::
   if (blocks) {
     work = blocks_work(*request, settings);
   } else {
-    auto made = segments_work(config, *request, settings);
-    if (!made) return unexpected(made.error());
-    work = *std::move(made);
+    MARBLE_ASSIGN_OR_RETURN(work, segments_work(config, *request, settings));
   }
   const auto reported = std::make_shared<Reported>();
   job.also = [reported](v1::Solution* solution) {

@@ -22,14 +22,12 @@ double seconds_since(Clock::time_point then, Clock::time_point now) {
 Expected<std::unique_ptr<JobFeed>> JobFeed::open(const JobBoard& board, FeedLimit& limit,
                                                  const Identity& viewer, const Quota& quota,
                                                  const v1::WatchJobsRequest& request) {
-  if (auto valid = check_progress(request.progress_interval_s(), 0); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_progress(request.progress_interval_s(), 0));
   std::shared_ptr<JobRecord> one;
   if (!request.job_id().empty()) {
-    auto record = find_job(board, viewer, request.job_id());
-    if (!record) return unexpected(record.error());
-    one = std::move(*record);
+    MARBLE_ASSIGN_OR_RETURN(one, find_job(board, viewer, request.job_id()));
   }
-  if (auto entered = limit.enter(viewer.client, quota.watchers); !entered) return unexpected(entered.error());
+  MARBLE_RETURN_IF_ERROR(limit.enter(viewer.client, quota.watchers));
   std::unique_ptr<JobFeed> feed(new JobFeed(board, limit, viewer, request.progress_interval_s()));
   if (one != nullptr) one->watch(true);
   feed->one_ = std::move(one);

@@ -28,28 +28,26 @@ Expected<void> list_jobs(const JobBoard& board, const Identity& caller, const v1
     return states.empty() || std::find(states.begin(), states.end(), state) != states.end();
   };
   const int limit = request.limit() == 0 ? default_page : request.limit();
-  const auto page = board.list(visible, passes, static_cast<std::size_t>(limit), request.before_job_id());
-  if (!page) return unexpected(page.error());
-  for (const auto& record : page->records) to_message(*record, response->add_jobs());
-  response->set_more(page->more);
+  MARBLE_ASSIGN_OR_RETURN(
+      const auto page, board.list(visible, passes, static_cast<std::size_t>(limit), request.before_job_id()));
+  for (const auto& record : page.records) to_message(*record, response->add_jobs());
+  response->set_more(page.more);
   return {};
 }
 
 Expected<void> get_job(const JobBoard& board, const Identity& caller, const std::string& id,
                        v1::GetJobResponse* response) {
-  const auto record = find_job(board, caller, id);
-  if (!record) return unexpected(record.error());
-  to_message(**record, response);
+  MARBLE_ASSIGN_OR_RETURN(const auto record, find_job(board, caller, id));
+  to_message(*record, response);
   return {};
 }
 
 Expected<void> cancel_job(const JobBoard& board, const Identity& caller, const std::string& id,
                           v1::CancelJobResponse* response) {
-  const auto record = find_job(board, caller, id);
-  if (!record) return unexpected(record.error());
-  if (!may_end(caller, (*record)->description().client)) return unexpected(not_to_end(id));
-  (*record)->cancel();
-  to_message(**record, response->mutable_job());
+  MARBLE_ASSIGN_OR_RETURN(const auto record, find_job(board, caller, id));
+  if (!may_end(caller, record->description().client)) return unexpected(not_to_end(id));
+  record->cancel();
+  to_message(*record, response->mutable_job());
   return {};
 }
 

@@ -42,11 +42,10 @@ grpc::ServerUnaryReactor* answer(const ServiceParts& parts, grpc::CallbackServer
   Origin origin = origin_of(*context);
   const auto response = std::make_shared<Response>();
   const auto respond = [&]() -> Expected<OnFinished> {
-    const auto caller = who(origin);
-    if (!caller) return unexpected(caller.error());
+    MARBLE_ASSIGN_OR_RETURN(const auto caller, who(origin));
     Request request;
-    if (auto parsed = parse(request_bytes, &request); !parsed) return unexpected(parsed.error());
-    auto handled = handle(*caller, request, response.get(), origin);
+    MARBLE_RETURN_IF_ERROR(parse(request_bytes, &request));
+    auto handled = handle(caller, request, response.get(), origin);
     if (!handled) return unexpected(handled.error());
     if constexpr (std::is_same_v<decltype(handled), Expected<OnFinished>>) return handled;
     return OnFinished();

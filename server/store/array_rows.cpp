@@ -8,22 +8,19 @@ namespace {
 
 template <class Bind>
 Expected<void> run(Database& database, std::string_view sql, const Bind& bind) {
-  auto statement = database.prepare(sql);
-  if (!statement) return unexpected(statement.error());
-  if (auto bound = bind(*statement).bound(); !bound) return bound;
-  return statement->run();
+  MARBLE_ASSIGN_OR_RETURN(auto statement, database.prepare(sql));
+  MARBLE_RETURN_IF_ERROR(bind(statement).bound());
+  return statement.run();
 }
 
 // Calls `report` for each row.
 template <class Bind, class Report>
 Expected<void> read(Database& database, std::string_view sql, const Bind& bind, const Report& report) {
-  auto rows = database.prepare(sql);
-  if (!rows) return unexpected(rows.error());
-  if (auto bound = bind(*rows).bound(); !bound) return bound;
+  MARBLE_ASSIGN_OR_RETURN(auto rows, database.prepare(sql));
+  MARBLE_RETURN_IF_ERROR(bind(rows).bound());
   while (true) {
-    const auto row = rows->step();
-    if (!row) return unexpected(row.error());
-    if (!*row || !report(*rows)) return {};
+    MARBLE_ASSIGN_OR_RETURN(const auto row, rows.step());
+    if (!row || !report(rows)) return {};
   }
 }
 
@@ -74,9 +71,8 @@ Expected<void> seal_array(Database& database, const std::string& id, std::int64_
                     return statement.bind(1, id).bind(2, elements).bind_blob(3, digest);
                   });
   if (!made) return made;
-  const auto changed = database.ask("SELECT changes()");
-  if (!changed) return unexpected(changed.error());
-  if (*changed == "1") return {};
+  MARBLE_ASSIGN_OR_RETURN(const auto changed, database.ask("SELECT changes()"));
+  if (changed == "1") return {};
   // An error of this array alone: the transaction's other changes are written.
   return unexpected(failure(ErrorCode::resource_exhausted, "not all elements could be written"));
 }

@@ -57,33 +57,27 @@ Expected<Descriptor> locked(const std::string& directory) {
 
 // Returns the file's version; "0" if the file is new. An error unless it is ours and intact.
 Expected<std::string> version_of(Database& database, const std::string& file) {
-  const auto application = database.ask("PRAGMA application_id");
-  if (!application) return unexpected(application.error());
-  const auto version = database.ask("PRAGMA user_version");
-  if (!version) return unexpected(version.error());
-  const auto tables = database.ask("SELECT count(*) FROM sqlite_master");
-  if (!tables) return unexpected(tables.error());
-  if (*application != kApplication && (*application != "0" || *tables != "0"))
+  MARBLE_ASSIGN_OR_RETURN(const auto application, database.ask("PRAGMA application_id"));
+  MARBLE_ASSIGN_OR_RETURN(auto version, database.ask("PRAGMA user_version"));
+  MARBLE_ASSIGN_OR_RETURN(const auto tables, database.ask("SELECT count(*) FROM sqlite_master"));
+  if (application != kApplication && (application != "0" || tables != "0"))
     return unexpected(fault(file, "is a file of another program"));
-  if (*version != "0" && *version != kWithoutStarts && *version != kWithoutArrays && *version != kVersion)
-    return unexpected(fault(file, "is of version " + *version + ", this server knows " + kVersion));
-  const auto check = database.ask("PRAGMA quick_check(1)");
-  if (!check) return unexpected(check.error());
-  if (*check != "ok") return unexpected(fault(file, "is damaged: " + *check));
+  if (version != "0" && version != kWithoutStarts && version != kWithoutArrays && version != kVersion)
+    return unexpected(fault(file, "is of version " + version + ", this server knows " + kVersion));
+  MARBLE_ASSIGN_OR_RETURN(const auto check, database.ask("PRAGMA quick_check(1)"));
+  if (check != "ok") return unexpected(fault(file, "is damaged: " + check));
   return version;
 }
 
 Expected<void> prepare(Database& database, const std::string& file) {
-  const auto version = version_of(database, file);
-  if (!version) return unexpected(version.error());
-  const auto mode = database.ask("PRAGMA journal_mode = WAL");
-  if (!mode) return unexpected(mode.error());
-  if (*mode != "wal") return unexpected(fault(file, "cannot be in SQLite's mode WAL, but in " + *mode));
-  if (auto set = database.run("PRAGMA synchronous = FULL"); !set) return set;
-  if (*version == kVersion) return {};
+  MARBLE_ASSIGN_OR_RETURN(const auto version, version_of(database, file));
+  MARBLE_ASSIGN_OR_RETURN(const auto mode, database.ask("PRAGMA journal_mode = WAL"));
+  if (mode != "wal") return unexpected(fault(file, "cannot be in SQLite's mode WAL, but in " + mode));
+  MARBLE_RETURN_IF_ERROR(database.run("PRAGMA synchronous = FULL"));
+  if (version == kVersion) return {};
   std::string make = "BEGIN;";
-  if (*version == "0") make += std::string(kTables) + "PRAGMA application_id = " + kApplication + ";";
-  if (*version == kWithoutStarts) make += "ALTER TABLE jobs ADD COLUMN lost INTEGER NOT NULL DEFAULT 0;";
+  if (version == "0") make += std::string(kTables) + "PRAGMA application_id = " + kApplication + ";";
+  if (version == kWithoutStarts) make += "ALTER TABLE jobs ADD COLUMN lost INTEGER NOT NULL DEFAULT 0;";
   return database.run(make + kArrayTables + "PRAGMA user_version = " + kVersion + "; COMMIT");
 }
 
@@ -103,12 +97,11 @@ Expected<void> set_types(Database& database) {
 
 // Jobs that ran when the last server was killed get one more start that the server did not survive.
 Expected<void> count_starts(Database& database, RunningJobs& running) {
-  auto statement = database.prepare("UPDATE jobs SET lost = max(lost, ?2) WHERE id = ?1");
-  if (!statement) return unexpected(statement.error());
+  MARBLE_ASSIGN_OR_RETURN(auto statement,
+                          database.prepare("UPDATE jobs SET lost = max(lost, ?2) WHERE id = ?1"));
   for (const JobStart& start : running.left()) {
-    if (auto counted = statement->bind(1, start.id).bind(2, std::int64_t{start.number}).run(); !counted)
-      return counted;
-    if (auto counted = count_element_starts(database, start); !counted) return counted;
+    MARBLE_RETURN_IF_ERROR(statement.bind(1, start.id).bind(2, std::int64_t{start.number}).run());
+    MARBLE_RETURN_IF_ERROR(count_element_starts(database, start));
   }
   return running.clear();
 }
@@ -168,79 +161,70 @@ JobStore::JobStore(std::string file, Descriptor lock, RunningJobs running, Datab
       changes_(log, [this](std::vector<Change>& changes) { return write(changes); }) {}
 
 Expected<std::unique_ptr<JobStore>> JobStore::open(const std::string& directory, const Log& log) {
-  auto lock = locked(directory);
-  if (!lock) return unexpected(lock.error());
+  MARBLE_ASSIGN_OR_RETURN(auto lock, locked(directory));
   const std::string file = directory + kFile;
   // SQLite gives its other files the mode of this one.
   const Descriptor made(::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, S_IRUSR | S_IWUSR));
   for (const std::string& one : {file, file + "-wal", file + "-shm", directory + kLock, directory + kRunning})
     narrow(one, log);
-  auto running = RunningJobs::open(directory + kRunning);
-  if (!running) return unexpected(running.error());
-  auto writer = Database::open(file);
-  if (!writer) return unexpected(writer.error());
-  if (auto ready = prepare(*writer, file); !ready) return unexpected(ready.error());
-  if (auto set = set_types(*writer); !set) return unexpected(set.error());
-  if (auto counted = count_starts(*writer, *running); !counted) return unexpected(counted.error());
-  auto reader = Database::open(file);
-  if (!reader) return unexpected(reader.error());
+  MARBLE_ASSIGN_OR_RETURN(auto running, RunningJobs::open(directory + kRunning));
+  MARBLE_ASSIGN_OR_RETURN(auto writer, Database::open(file));
+  MARBLE_RETURN_IF_ERROR(prepare(writer, file));
+  MARBLE_RETURN_IF_ERROR(set_types(writer));
+  MARBLE_RETURN_IF_ERROR(count_starts(writer, running));
+  MARBLE_ASSIGN_OR_RETURN(auto reader, Database::open(file));
   return std::unique_ptr<JobStore>(
-      new JobStore(file, std::move(*lock), std::move(*running), std::move(*writer), std::move(*reader), log));
+      new JobStore(file, std::move(lock), std::move(running), std::move(writer), std::move(reader), log));
 }
 
 Expected<std::string> JobStore::check(const std::string& directory) {
   const std::string file = directory + kFile;
   if (access(file.c_str(), F_OK) != 0) return unexpected(fault(file, std::strerror(errno)));
-  auto database = Database::open(file);
-  if (!database) return unexpected(database.error());
-  if (const auto version = version_of(*database, file); !version) return unexpected(version.error());
-  const auto whole = database->ask("PRAGMA integrity_check(1)");
-  if (!whole) return unexpected(whole.error());
-  if (*whole != "ok") return unexpected(fault(file, "is damaged: " + *whole));
-  const auto jobs = database->ask("SELECT count(*) FROM jobs WHERE id NOT IN (SELECT id FROM answers)");
-  if (!jobs) return unexpected(jobs.error());
-  const auto answers = database->ask("SELECT count(*) FROM answers");
-  if (!answers) return unexpected(answers.error());
-  return file + ": ok, " + *jobs + " jobs without an answer, " + *answers + " with one";
+  MARBLE_ASSIGN_OR_RETURN(auto database, Database::open(file));
+  MARBLE_RETURN_IF_ERROR(version_of(database, file));
+  MARBLE_ASSIGN_OR_RETURN(const auto whole, database.ask("PRAGMA integrity_check(1)"));
+  if (whole != "ok") return unexpected(fault(file, "is damaged: " + whole));
+  MARBLE_ASSIGN_OR_RETURN(const auto jobs,
+                          database.ask("SELECT count(*) FROM jobs WHERE id NOT IN (SELECT id FROM answers)"));
+  MARBLE_ASSIGN_OR_RETURN(const auto answers, database.ask("SELECT count(*) FROM answers"));
+  return file + ": ok, " + jobs + " jobs without an answer, " + answers + " with one";
 }
 
 Expected<std::vector<StoredJob>> JobStore::unanswered() {
   const MutexLock lock(read_mutex_);
-  auto rows = reader_.prepare(
-      "SELECT id, client, request_id, digest, peer, traceparent, priority, accepted_unix_s, cancelled, "
-      "length(request), lost, elements FROM jobs WHERE id NOT IN (SELECT id FROM answers) ORDER BY number");
-  if (!rows) return unexpected(rows.error());
+  MARBLE_ASSIGN_OR_RETURN(
+      auto rows,
+      reader_.prepare(
+          "SELECT id, client, request_id, digest, peer, traceparent, priority, accepted_unix_s, cancelled, "
+          "length(request), lost, elements FROM jobs WHERE id NOT IN (SELECT id FROM answers) ORDER BY "
+          "number"));
   std::vector<StoredJob> jobs;
   while (true) {
-    const auto row = rows->step();
-    if (!row) return unexpected(row.error());
-    if (!*row) return jobs;
-    jobs.push_back(job_in(*rows));
+    MARBLE_ASSIGN_OR_RETURN(const auto row, rows.step());
+    if (!row) return jobs;
+    jobs.push_back(job_in(rows));
   }
 }
 
 Expected<std::string> JobStore::request_of(const std::string& id) {
   const MutexLock lock(read_mutex_);
-  auto rows = reader_.prepare("SELECT request FROM jobs WHERE id = ? AND request IS NOT NULL");
-  if (!rows) return unexpected(rows.error());
-  const auto row = rows->bind(1, id).step();
-  if (!row) return unexpected(row.error());
-  if (!*row) return unexpected(failure(ErrorCode::not_found, "job_id", id, "has no request that is kept"));
-  return rows->bytes(0);
+  MARBLE_ASSIGN_OR_RETURN(auto rows,
+                          reader_.prepare("SELECT request FROM jobs WHERE id = ? AND request IS NOT NULL"));
+  MARBLE_ASSIGN_OR_RETURN(const auto row, rows.bind(1, id).step());
+  if (!row) return unexpected(failure(ErrorCode::not_found, "job_id", id, "has no request that is kept"));
+  return rows.bytes(0);
 }
 
 Expected<void> JobStore::each_result(const std::function<void(StoredResult)>& report) {
   const MutexLock lock(read_mutex_);
-  auto rows = reader_.prepare(
-      "SELECT id, client, request_id, digest, job, answer, error, finished_unix_s, ifnull(length(request), "
-      "-1), elements "
-      "FROM answers JOIN jobs USING (id) ORDER BY ended");
-  if (!rows) return unexpected(rows.error());
+  MARBLE_ASSIGN_OR_RETURN(auto rows, reader_.prepare("SELECT id, client, request_id, digest, job, answer, "
+                                                     "error, finished_unix_s, ifnull(length(request), "
+                                                     "-1), elements "
+                                                     "FROM answers JOIN jobs USING (id) ORDER BY ended"));
   while (true) {
-    const auto row = rows->step();
-    if (!row) return unexpected(row.error());
-    if (!*row) return {};
-    report(result_in(*rows));
+    MARBLE_ASSIGN_OR_RETURN(const auto row, rows.step());
+    if (!row) return {};
+    report(result_in(rows));
   }
 }
 
@@ -324,7 +308,7 @@ Expected<void> JobStore::write(std::vector<Change>& changes) {
       change.kind = Kind::nothing;
     }
     if (changes.empty()) {  // any write will do
-      if (auto set = writer_.run(std::string("PRAGMA user_version = ") + kVersion); !set) return set;
+      MARBLE_RETURN_IF_ERROR(writer_.run(std::string("PRAGMA user_version = ") + kVersion));
     }
     fault_point("before_commit");
     return writer_.run("COMMIT");
@@ -337,10 +321,9 @@ Expected<void> JobStore::write(std::vector<Change>& changes) {
 
 Expected<void> JobStore::make(const Change& change) {
   const auto run = [&](std::string_view sql, const auto& bind) -> Expected<void> {
-    auto statement = writer_.prepare(sql);
-    if (!statement) return unexpected(statement.error());
-    if (auto bound = bind(*statement); !bound) return bound;
-    return statement->run();
+    MARBLE_ASSIGN_OR_RETURN(auto statement, writer_.prepare(sql));
+    MARBLE_RETURN_IF_ERROR(bind(statement));
+    return statement.run();
   };
   const StoredJob& job = change.job;
   const StoredResult& result = change.result;

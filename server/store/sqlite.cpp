@@ -47,11 +47,9 @@ Expected<Statement> Database::prepare(std::string_view sql) {
 }
 
 Expected<std::string> Database::ask(std::string_view sql) {
-  auto statement = prepare(sql);
-  if (!statement) return unexpected(statement.error());
-  const auto row = statement->step();
-  if (!row) return unexpected(row.error());
-  return *row ? statement->bytes(0) : std::string();
+  MARBLE_ASSIGN_OR_RETURN(auto statement, prepare(sql));
+  MARBLE_ASSIGN_OR_RETURN(const auto row, statement.step());
+  return row ? statement.bytes(0) : std::string();
 }
 
 Statement& Statement::bind(int at, std::int64_t value) {

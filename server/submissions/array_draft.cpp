@@ -75,7 +75,7 @@ Expected<void> ArrayDraft::add(v1::ArrayElement element, const std::function<voi
   if (const auto job = make_job(parts_, caller_, JobKind::array, *request); !job)
     return unexpected(of_element(index, inside("solve", job.error())));
   const auto bytes = static_cast<std::int64_t>(stored.request.size());
-  if (auto fits = add_bytes(bytes + kElementBytes); !fits) return fits;
+  MARBLE_RETURN_IF_ERROR(add_bytes(bytes + kElementBytes));
   {
     const MutexLock lock(mutex_);
     ++unsettled_;

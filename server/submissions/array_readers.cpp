@@ -19,9 +19,7 @@ Expected<Array::News> Array::news_after(std::int64_t sequence, std::int64_t most
       return news;
     }
   }
-  auto answers = store_.answers_after(description().id, sequence, most_bytes);
-  if (!answers) return unexpected(answers.error());
-  news.answers = std::move(*answers);
+  MARBLE_ASSIGN_OR_RETURN(news.answers, store_.answers_after(description().id, sequence, most_bytes));
   if (news.answers.empty())
     return unexpected(failure(ErrorCode::internal, "an answer of the array cannot be read any more"));
   return news;

@@ -49,7 +49,7 @@ Expected<void> ArrayResultsCall::start(grpc::CallbackServerContext& context,
   auto caller = identify(parts_, context, origin);
   if (!caller) return unexpected(caller.error());
   v1::ArrayResultsRequest message;
-  if (auto parsed = parse(request, &message); !parsed) return parsed;
+  MARBLE_RETURN_IF_ERROR(parse(request, &message));
   const auto self = self_;  // gRPC may be done with the call before this returns
   parts_.timer.add(self);
   parts_.submissions->find_array(
@@ -72,9 +72,7 @@ Expected<void> ArrayResultsCall::open(const Identity& caller, const v1::ArrayRes
     return unexpected(invalid("after", std::to_string(message.after()),
                               "must be in [0, " + std::to_string(found.elements) + "], the elements"));
   }
-  if (auto entered = parts_.feeds.enter(caller.client, parts_.access.quota_of(caller.client).watchers);
-      !entered)
-    return entered;
+  MARBLE_RETURN_IF_ERROR(parts_.feeds.enter(caller.client, parts_.access.quota_of(caller.client).watchers));
   client_ = caller.client;
   send_metadata();
   found.results->listen(weak_from_this());

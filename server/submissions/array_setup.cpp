@@ -51,9 +51,9 @@ ArraySetup::ArraySetup(v1::ArraySetup message, CheckedArray checked)
 
 Expected<std::shared_ptr<const ArraySetup>> ArraySetup::check(const ServiceParts& parts, const Caller& caller,
                                                               v1::ArraySetup message) {
-  auto checked = check_request(parts, caller, parts.access.quota_of(caller.identity.client), message);
-  if (!checked) return unexpected(checked.error());
-  return std::shared_ptr<const ArraySetup>(new ArraySetup(std::move(message), std::move(*checked)));
+  MARBLE_ASSIGN_OR_RETURN(
+      auto checked, check_request(parts, caller, parts.access.quota_of(caller.identity.client), message));
+  return std::shared_ptr<const ArraySetup>(new ArraySetup(std::move(message), std::move(checked)));
 }
 
 Expected<std::shared_ptr<v1::SolveRequest>> ArraySetup::request(v1::ArrayElement element) const {

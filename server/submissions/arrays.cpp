@@ -38,21 +38,18 @@ Expected<std::shared_ptr<ArrayDraft>> Arrays::begin(const Caller& caller, v1::Ar
   if (auto well = parts_.submissions->health(); !well) return unexpected(Submissions::not_kept(well.error()));
   const std::string bytes = setup.SerializeAsString();
   const std::string request_id = setup.request_id();
-  auto checked = ArraySetup::check(parts_, caller, std::move(setup));
-  if (!checked) return unexpected(checked.error());
+  MARBLE_ASSIGN_OR_RETURN(auto checked, ArraySetup::check(parts_, caller, std::move(setup)));
   std::shared_ptr<Scheduler::Place> place;
   const std::string& client = caller.identity.client;
   if (request_id.empty() || parts_.results.named(client, request_id).empty()) {
-    const JobDescription& what = (*checked)->record()->description();
-    auto opened = parts_.scheduler.open_place(client, what.priority, parts_.access.quota_of(client), false);
-    if (!opened) return unexpected(opened.error());
-    place = std::move(*opened);
-    if (auto fits = place->add_bytes(static_cast<std::int64_t>(bytes.size())); !fits)
-      return unexpected(fits.error());
+    const JobDescription& what = checked->record()->description();
+    MARBLE_ASSIGN_OR_RETURN(
+        place, parts_.scheduler.open_place(client, what.priority, parts_.access.quota_of(client), false));
+    MARBLE_RETURN_IF_ERROR(place->add_bytes(static_cast<std::int64_t>(bytes.size())));
   } else if (parts_.scheduler.is_closed()) {
     return unexpected(draining());
   }
-  return LocalArrayDraft::make(*this, caller, std::move(*checked), std::move(place), bytes);
+  return LocalArrayDraft::make(*this, caller, std::move(checked), std::move(place), bytes);
 }
 
 std::shared_ptr<Array> Arrays::find(const std::string& id) const {
@@ -156,14 +153,11 @@ Expected<void> Arrays::take_up(const StoredJob& stored) {
     return {};
   }
   ArrayStart start{.record = (*setup)->record(), .setup = *setup};
-  auto place = parts_.scheduler.open_place(stored.client, start.record->description().priority, quota, true);
-  if (!place) return unexpected(place.error());
-  start.place = std::move(*place);
-  if (auto counted = start.place->add_bytes(static_cast<std::int64_t>(bytes->size())); !counted)
-    return counted;
-  const auto whole = read_elements(stored.id, elements, start);
-  if (!whole) return unexpected(whole.error());
-  if (!*whole) {
+  MARBLE_ASSIGN_OR_RETURN(start.place, parts_.scheduler.open_place(
+                                           stored.client, start.record->description().priority, quota, true));
+  MARBLE_RETURN_IF_ERROR(start.place->add_bytes(static_cast<std::int64_t>(bytes->size())));
+  MARBLE_ASSIGN_OR_RETURN(const auto whole, read_elements(stored.id, elements, start));
+  if (!whole) {
     take_up_broken(stored, unreadable());
     return {};
   }
@@ -179,7 +173,7 @@ Expected<void> Arrays::take_up_answered(const StoredResult& stored,
   ArrayStart start{.record = record, .is_over = true};
   const std::int64_t elements = stored.elements.value_or(0);
   if (elements < 0 || elements > kMostElements) return {};
-  if (auto read = read_elements(stored.id, elements, start); !read) return unexpected(read.error());
+  MARBLE_RETURN_IF_ERROR(read_elements(stored.id, elements, start));
   google::rpc::Status error;
   if (!stored.error.empty()) start.end = error.ParseFromString(stored.error) ? error_of(error) : unreadable();
   const auto age = std::max<std::chrono::system_clock::duration>(

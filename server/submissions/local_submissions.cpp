@@ -37,35 +37,32 @@ OnFinished kept(const ServiceParts& parts, JobStore& store, const std::shared_pt
 Expected<std::unique_ptr<Submissions>> LocalSubmissions::begin(const ServiceParts& parts, JobStore* store) {
   std::unique_ptr<LocalSubmissions> submissions(new LocalSubmissions(parts, store));
   if (store == nullptr) return submissions;
-  auto recovery = Recovery::begin(parts, *submissions->arrays_, *store);
-  if (!recovery) return unexpected(recovery.error());
-  submissions->recovery_ = std::move(*recovery);
+  MARBLE_ASSIGN_OR_RETURN(submissions->recovery_, Recovery::begin(parts, *submissions->arrays_, *store));
   return submissions;
 }
 
 Expected<OnFinished> LocalSubmissions::submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
                                               v1::SubmitResponse* response) {
   if (auto well = health(); !well) return unexpected(not_kept(well.error()));
-  const auto job = make_job(parts_, caller, JobKind::submitted, request);
-  if (!job) return unexpected(job.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto job, make_job(parts_, caller, JobKind::submitted, request));
   StoredJob stored{.request_id = request->request_id()};
   if (store_ != nullptr || !stored.request_id.empty()) stored.request = request->SerializeAsString();
   if (!stored.request_id.empty()) stored.digest = digest_of(stored.request);
-  ResultStore::Request asked{store_ == nullptr ? request : nullptr, (*job)->ticket.bytes};
+  ResultStore::Request asked{store_ == nullptr ? request : nullptr, job->ticket.bytes};
   request = nullptr;  // now owned by the job
-  const std::shared_ptr<JobRecord> record = (*job)->record;
+  const std::shared_ptr<JobRecord> record = job->record;
   const std::string& client = caller.identity.client;
-  const auto id = parts_.results.expect(record->id(), client, {stored.request_id, stored.digest});
-  if (!id) return unexpected(id.error());
-  if (*id != record->id()) {
-    const auto earlier = parts_.board.find(*id);
-    fill(*id, earlier != nullptr ? earlier->place() : QueuePlace{}, response);
+  MARBLE_ASSIGN_OR_RETURN(const auto id,
+                          parts_.results.expect(record->id(), client, {stored.request_id, stored.digest}));
+  if (id != record->id()) {
+    const auto earlier = parts_.board.find(id);
+    fill(id, earlier != nullptr ? earlier->place() : QueuePlace{}, response);
     return when_settled();
   }
   if (parts_.config.bundles > 0) parts_.results.keep_request(record->id(), std::move(asked));
   const auto keeper = std::make_shared<ResultKeeper>(parts_, store_, record);
-  (*job)->observer = keeper;
-  const auto place = parts_.scheduler.admit(*job);
+  job->observer = keeper;
+  const auto place = parts_.scheduler.admit(job);
   if (!place) {
     parts_.results.forget(record->id());
     return unexpected(place.error());
@@ -84,7 +81,7 @@ Expected<OnFinished> LocalSubmissions::submit(const Caller& caller, std::shared_
 
 Expected<OnFinished> LocalSubmissions::cancel(const Identity& caller, const std::string& id,
                                               v1::CancelJobResponse* response) {
-  if (auto asked = cancel_job(parts_.board, caller, id, response); !asked) return unexpected(asked.error());
+  MARBLE_RETURN_IF_ERROR(cancel_job(parts_.board, caller, id, response));
   const auto record = parts_.board.find(id);
   if (store_ == nullptr || record == nullptr || !outlives_call(record->description().kind))
     return OnFinished();

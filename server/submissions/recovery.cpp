@@ -16,8 +16,8 @@ namespace marble::server {
 Expected<std::shared_ptr<Recovery>> Recovery::begin(const ServiceParts& parts, Arrays& arrays,
                                                     JobStore& store) {
   const std::shared_ptr<Recovery> recovery(new Recovery(parts, arrays, store));
-  if (auto taken = recovery->take_up_answers(); !taken) return unexpected(taken.error());
-  if (auto taken = recovery->take_up_jobs(); !taken) return unexpected(taken.error());
+  MARBLE_RETURN_IF_ERROR(recovery->take_up_answers());
+  MARBLE_RETURN_IF_ERROR(recovery->take_up_jobs());
   recovery->room();
   return recovery;
 }
@@ -62,14 +62,13 @@ Expected<void> Recovery::take_up_array(const StoredJob& stored) {
 }
 
 Expected<void> Recovery::take_up_jobs() {
-  auto jobs = store_.unanswered();
-  if (!jobs) return unexpected(jobs.error());
-  for (const StoredJob& job : *jobs) {
+  MARBLE_ASSIGN_OR_RETURN(auto jobs, store_.unanswered());
+  for (const StoredJob& job : jobs) {
     if (!job.elements) continue;
-    if (auto taken = take_up_array(job); !taken) return taken;
+    MARBLE_RETURN_IF_ERROR(take_up_array(job));
   }
   const MutexLock lock(mutex_);
-  for (StoredJob& job : *jobs) {
+  for (StoredJob& job : jobs) {
     if (job.elements) continue;
     expect(job.id, job.client, {job.request_id, job.digest});
     if (parts_.config.bundles > 0) parts_.results.keep_request(job.id, {nullptr, job.request_bytes});
@@ -172,11 +171,8 @@ Expected<std::shared_ptr<Job>> Recovery::remade(const StoredJob& stored) {
 
 Expected<std::shared_ptr<Job>> Recovery::checked(const StoredJob& stored) {
   fault_point("take", stored.request_id);
-  const auto bytes = store_.request_of(stored.id);
-  if (!bytes) return unexpected(bytes.error());
-  const auto read = stored_request(*bytes);
-  if (!read) return unexpected(read.error());
-  const std::shared_ptr<v1::SolveRequest>& request = *read;
+  MARBLE_ASSIGN_OR_RETURN(const auto bytes, store_.request_of(stored.id));
+  MARBLE_ASSIGN_OR_RETURN(const auto request, stored_request(bytes));
   const auto highest = static_cast<std::int64_t>(parts_.access.quota_of(stored.client).priority);
   request->set_priority(to_message(priority_of(std::max(stored.priority, highest))));
   const Caller caller{.identity = {.client = stored.client, .roles = {}},
@@ -185,8 +181,7 @@ Expected<std::shared_ptr<Job>> Recovery::checked(const StoredJob& stored) {
                                  .request_id = stored.request_id,
                                  .trace = parse_traceparent(stored.traceparent, random_id())},
                       .earlier = Caller::Earlier{stored.id, time_of(stored.accepted_unix_s)}};
-  auto job = make_job(parts_, caller, JobKind::submitted, request);
-  if (!job) return job;
+  MARBLE_ASSIGN_OR_RETURN(auto job, make_job(parts_, caller, JobKind::submitted, request));
   std::function<void()> then;
   if (stored.lost > 0) {
     then = [weak = weak_from_this()] {
@@ -196,10 +191,10 @@ Expected<std::shared_ptr<Job>> Recovery::checked(const StoredJob& stored) {
       recovery->room();
     };
   }
-  const auto keeper = std::make_shared<ResultKeeper>(parts_, &store_, (*job)->record,
+  const auto keeper = std::make_shared<ResultKeeper>(parts_, &store_, job->record,
                                                      static_cast<int>(stored.lost), std::move(then));
   keeper->added();
-  (*job)->observer = keeper;
+  job->observer = keeper;
   return job;
 }
 

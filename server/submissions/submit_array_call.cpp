@@ -39,7 +39,7 @@ void SubmitArrayCall::received(grpc::ByteBuffer* message) {
 
 Expected<void> SubmitArrayCall::take(grpc::ByteBuffer* message) {
   v1::SubmitArrayRequest request;
-  if (auto parsed = parse(message, &request); !parsed) return parsed;
+  MARBLE_RETURN_IF_ERROR(parse(message, &request));
   std::shared_ptr<ArrayDraft> draft;
   {
     const MutexLock lock(mutex_);

@@ -332,7 +332,7 @@ TEST(Bundles, MayNotUnpackToAnythingThatIsOutOfProportion) {
     EXPECT_TRUE(writer.add("README.txt", megabytes << 20, 0,
                            [&](const TarZstWriter::Report& report) -> Expected<void> {
                              for (std::uint64_t i = 0; i < megabytes; ++i) {
-                               if (auto reported = report(zeros); !reported) return reported;
+                               MARBLE_RETURN_IF_ERROR(report(zeros));
                              }
                              return {};
                            }));

@@ -62,9 +62,8 @@ TEST(NonlinearAllocation, NoneAnIterationButTheTicks) {
   const nonlinear::OpenTicks open =
       [&](const ProblemView& view,
           const nonlinear::Settings& s) -> Expected<std::unique_ptr<nonlinear::Ticks>> {
-    auto ticks = nonlinear::open_ticks_in_process(view, s);
-    if (!ticks) return unexpected(ticks.error());
-    return std::make_unique<CountedTicks>(std::move(*ticks), theirs);
+    MARBLE_ASSIGN_OR_RETURN(auto ticks, nonlinear::open_ticks_in_process(view, s));
+    return std::make_unique<CountedTicks>(std::move(ticks), theirs);
   };
   nonlinear::Settings settings;
   settings.iteration = [&](const nonlinear::Iteration& row) {

@@ -146,9 +146,8 @@ TEST(NonlinearPoles, AnAnswerByAScalingOfOtherNumbersIsAskedForAgain) {
   const auto open = [&](const ProblemView& view,
                         const Settings& settings) -> Expected<std::unique_ptr<nonlinear::Ticks>> {
     ++sessions;
-    auto ticks = nonlinear::open_ticks_in_process(view, settings);
-    if (!ticks) return unexpected(ticks.error());
-    return std::make_unique<KeptScaling>(std::move(*ticks), std::abs(view.Q.values[0]));
+    MARBLE_ASSIGN_OR_RETURN(auto ticks, nonlinear::open_ticks_in_process(view, settings));
+    return std::make_unique<KeptScaling>(std::move(ticks), std::abs(view.Q.values[0]));
   };
   const auto answer = nonlinear::solve(problem_of(formula), open);
   ASSERT_TRUE(answer.has_value()) << answer.error().message();

@@ -150,21 +150,21 @@ Expected<std::vector<nonlinear::RealTimeTick>> hop(nonlinear::RealTimeSettings s
   HoppingRobot robot(20);
   settings.shift = robot.one_stage();
   const nonlinear::Measured measured = {.equalities = {0, 1, 2, 3}};
-  auto loop = client == nullptr ? nonlinear::RealTime::create(robot.problem(), measured,
-                                                              nonlinear::open_ticks_in_process, settings)
-                                : nonlinear::RealTime::create(robot.problem(), measured, *client, settings);
-  if (!loop) return unexpected(loop.error());
+  MARBLE_ASSIGN_OR_RETURN(
+      auto loop,
+      client == nullptr
+          ? nonlinear::RealTime::create(robot.problem(), measured, nonlinear::open_ticks_in_process, settings)
+          : nonlinear::RealTime::create(robot.problem(), measured, *client, settings));
   std::vector<nonlinear::RealTimeTick> ticks;
   HoppingRobot::State state = HoppingRobot::standing();
   for (int number = 0; number < kFewTicks; ++number) {
     robot.set(number);
     each(number, false);
-    if (auto ready = loop->prepare(); !ready) return unexpected(ready.error());
+    MARBLE_RETURN_IF_ERROR(loop.prepare());
     each(number, true);
-    auto tick = loop->feedback(state);
-    if (!tick) return unexpected(tick.error());
-    std::copy_n(tick->x.begin() + HoppingRobot::kState, state.size(), state.begin());
-    ticks.push_back(std::move(*tick));
+    MARBLE_ASSIGN_OR_RETURN(auto tick, loop.feedback(state));
+    std::copy_n(tick.x.begin() + HoppingRobot::kState, state.size(), state.begin());
+    ticks.push_back(std::move(tick));
   }
   return ticks;
 }

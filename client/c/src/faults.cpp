@@ -53,7 +53,7 @@ Expected<void> check_count(std::string field, std::int64_t count) {
 }
 
 Expected<std::span<const double>> numbers(const double* values, std::int64_t count) {
-  if (auto valid = check_count("count", count); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_count("count", count));
   if (values == nullptr && count > 0) return unexpected(null("values"));
   return std::span<const double>(values, static_cast<std::size_t>(count));
 }

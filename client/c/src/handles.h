@@ -204,9 +204,8 @@ void none_lent(const Number** values, std::int64_t* count) {
 template <class Work>
 Expected<void> with_client(const marble_client* client, const Work& work) {
   if (client != nullptr) return work(client->client);
-  const auto connected = connect(nullptr);
-  if (!connected) return unexpected(connected.error());
-  return work(*connected);
+  MARBLE_ASSIGN_OR_RETURN(const auto connected, connect(nullptr));
+  return work(connected);
 }
 
 }  // namespace marble::c

@@ -35,15 +35,15 @@ std::int32_t marble_job_submit(const marble_client* client, const marble_problem
     const std::shared_lock reading_call(given.usage, std::try_to_lock);
     if (!reading_call) return unexpected(in_use("call"));
     marble::SensitivityRequest wanted;
-    const auto taken =
+    MARBLE_ASSIGN_OR_RETURN(
+        const auto taken,
         jobs.submit(problem->problem.view(), options == nullptr ? marble::Options() : options->options,
-                    given.controls(nullptr, wanted), given.over(problem->problem.name));
-    if (!taken) return unexpected(taken.error());
-    if (taken->job_id.size() >= MARBLE_JOB_ID_SIZE) {
-      return unexpected(failure(marble::ErrorCode::internal, "job_id", taken->job_id,
+                    given.controls(nullptr, wanted), given.over(problem->problem.name)));
+    if (taken.job_id.size() >= MARBLE_JOB_ID_SIZE) {
+      return unexpected(failure(marble::ErrorCode::internal, "job_id", taken.job_id,
                                 "must have less than " + std::to_string(MARBLE_JOB_ID_SIZE) + " bytes"));
     }
-    std::memcpy(job_id, taken->job_id.c_str(), taken->job_id.size() + 1);
+    std::memcpy(job_id, taken.job_id.c_str(), taken.job_id.size() + 1);
     return {};
   });
 }
@@ -53,9 +53,8 @@ std::int32_t marble_job_state(const marble_client* client, const char* job_id, c
   if (state != nullptr) *state = nullptr;
   return with_jobs(client, job_id, error, [&](const marble::Jobs& jobs) -> Expected<void> {
     if (state == nullptr) return unexpected(null("state"));
-    const auto found = jobs.get(job_id);
-    if (!found) return unexpected(found.error());
-    *state = marble::to_string(found->job.state);
+    MARBLE_ASSIGN_OR_RETURN(const auto found, jobs.get(job_id));
+    *state = marble::to_string(found.job.state);
     return {};
   });
 }
@@ -69,18 +68,17 @@ std::int32_t marble_job_result(const marble_client* client, const char* job_id, 
     const marble_call& given = call == nullptr ? none : *call;
     const std::shared_lock reading_call(given.usage, std::try_to_lock);
     if (!reading_call) return unexpected(in_use("call"));
-    auto answer = jobs.result(
-        job_id, {.wait = wait != 0, .deadline = given.deadline(), .stop = given.stop.source().get_token()});
-    if (!answer) return unexpected(answer.error());
-    *solution = new marble_solution{std::move(*answer)};
+    MARBLE_ASSIGN_OR_RETURN(auto answer, jobs.result(job_id, {.wait = wait != 0,
+                                                              .deadline = given.deadline(),
+                                                              .stop = given.stop.source().get_token()}));
+    *solution = new marble_solution{std::move(answer)};
     return {};
   });
 }
 
 std::int32_t marble_job_cancel(const marble_client* client, const char* job_id, marble_error* error) {
   return with_jobs(client, job_id, error, [&](const marble::Jobs& jobs) -> Expected<void> {
-    const auto cancelled = jobs.cancel(job_id);
-    if (!cancelled) return unexpected(cancelled.error());
+    MARBLE_RETURN_IF_ERROR(jobs.cancel(job_id));
     return {};
   });
 }

@@ -14,9 +14,9 @@ namespace marble::c {
 Expected<void> set_matrix(SparseMatrix& matrix, const std::string& part, std::int32_t rows,
                           std::int32_t columns, const std::int32_t* column_pointers, std::int64_t entries,
                           const std::int32_t* row_indices, const double* values) {
-  if (auto valid = check_count(part + ".rows", rows); !valid) return valid;
-  if (auto valid = check_count(part + ".columns", columns); !valid) return valid;
-  if (auto valid = check_count(part + ".entries", entries); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(check_count(part + ".rows", rows));
+  MARBLE_RETURN_IF_ERROR(check_count(part + ".columns", columns));
+  MARBLE_RETURN_IF_ERROR(check_count(part + ".entries", entries));
   if (column_pointers == nullptr) return unexpected(null("column_pointers"));
   if (entries > 0 && row_indices == nullptr) return unexpected(null("row_indices"));
   if (entries > 0 && values == nullptr) return unexpected(null("values"));
@@ -47,9 +47,8 @@ std::int32_t marble_problem_read(const char* path, marble_problem** problem, mar
   return guarded(error, [&]() -> Expected<void> {
     if (path == nullptr) return unexpected(null("path"));
     if (problem == nullptr) return unexpected(null("problem"));
-    auto file = marble::read_problem(path);
-    if (!file) return unexpected(file.error());
-    *problem = new marble_problem{.problem = std::move(file->problem)};
+    MARBLE_ASSIGN_OR_RETURN(auto file, marble::read_problem(path));
+    *problem = new marble_problem{.problem = std::move(file.problem)};
     return {};
   });
 }
@@ -68,18 +67,17 @@ std::int32_t marble_problem_set_vector(marble_problem* problem, const char* part
                                        std::int64_t count, marble_error* error) {
   return change(problem, "problem", error, [&]() -> Expected<void> {
     if (part == nullptr) return unexpected(null("part"));
-    const auto given = marble::c::numbers(values, count);
-    if (!given) return unexpected(given.error());
+    MARBLE_ASSIGN_OR_RETURN(const auto given, marble::c::numbers(values, count));
     const std::string name = part;
     if (name == "c0") {
       if (count != 1) return unexpected(invalid("c0", std::to_string(count), "must be 1 number"));
       problem->problem.c0 = *values;
       return {};
     }
-#define MARBLE_VECTOR(letter, field)                              \
-  if (name == #letter) {                                          \
-    problem->problem.letter.assign(given->begin(), given->end()); \
-    return {};                                                    \
+#define MARBLE_VECTOR(letter, field)                            \
+  if (name == #letter) {                                        \
+    problem->problem.letter.assign(given.begin(), given.end()); \
+    return {};                                                  \
   }
 #include "marble/contract.def"
     return unexpected(invalid("part", name, "must be c0, g, b, d, l or r"));
@@ -108,8 +106,7 @@ std::int32_t marble_problem_check(const marble_problem* problem, marble_error* e
     if (problem == nullptr) return unexpected(null("problem"));
     const std::shared_lock reading(problem->usage, std::try_to_lock);
     if (!reading) return unexpected(in_use("problem"));
-    const auto checked = marble::Problem::create(problem->problem.view());
-    if (!checked) return unexpected(checked.error());
+    MARBLE_RETURN_IF_ERROR(marble::Problem::create(problem->problem.view()));
     return {};
   });
 }

@@ -94,9 +94,8 @@ std::int32_t set_list(marble_call* call, std::int32_t number, const char* what, 
     if (number > 0) {
       if (name == nullptr) return unexpected(null(parameter));
       if (find(asked, name) == nullptr) return unexpected(invalid(parameter, name, names));
-      const auto given = marble::c::numbers(values, count);
-      if (!given) return unexpected(given.error());
-      Numbers copy(given->begin(), given->end());
+      MARBLE_ASSIGN_OR_RETURN(const auto given, marble::c::numbers(values, count));
+      Numbers copy(given.begin(), given.end());
       if (asked.*number_of != number) forget(asked);
       *find(asked, name) = std::move(copy);
     } else {
@@ -134,9 +133,8 @@ std::int32_t marble_call_set_rows(marble_call* call, std::int32_t rows, std::int
   return change(call, "call", error, [&]() -> Expected<void> {
     Derivatives& asked = call->derivatives;
     if (rows != 0) {
-      auto set = marble::c::set_matrix(asked.E, "rows", rows, columns, column_pointers, entries, row_indices,
-                                       values);
-      if (!set) return set;
+      MARBLE_RETURN_IF_ERROR(marble::c::set_matrix(asked.E, "rows", rows, columns, column_pointers, entries,
+                                                   row_indices, values));
     } else {
       asked.E = {};
       asked.proximal.clear(), asked.g.clear();
@@ -153,9 +151,8 @@ std::int32_t marble_call_set_rows_vector(marble_call* call, const char* name, co
     const std::string_view which = name;
     if (which != "proximal" && which != "g")
       return unexpected(invalid("name", name, "must be proximal or g"));
-    const auto given = marble::c::numbers(values, count);
-    if (!given) return unexpected(given.error());
-    (which == "g" ? call->derivatives.g : call->derivatives.proximal).assign(given->begin(), given->end());
+    MARBLE_ASSIGN_OR_RETURN(const auto given, marble::c::numbers(values, count));
+    (which == "g" ? call->derivatives.g : call->derivatives.proximal).assign(given.begin(), given.end());
     return {};
   });
 }
@@ -164,9 +161,8 @@ std::int32_t marble_solution_change(const marble_solution* solution, std::int32_
                                     const double** values, std::int64_t* count, marble_error* error) {
   none_lent(values, count);
   return guarded(error, [&]() -> Expected<void> {
-    const auto sensitivity = reported(solution);
-    if (!sensitivity) return unexpected(sensitivity.error());
-    const marble::AnswerChanges& changes = (*sensitivity)->changes;
+    MARBLE_ASSIGN_OR_RETURN(const auto sensitivity, reported(solution));
+    const marble::AnswerChanges& changes = sensitivity->changes;
     if (std::ranges::count(changes.undefined, direction) > 0)
       return unexpected(
           none("direction", "has no change: the branch is flat along it, or its rows contradict"));
@@ -190,9 +186,8 @@ std::int32_t marble_solution_gradient(const marble_solution* solution, std::int3
                                       const double** values, std::int64_t* count, marble_error* error) {
   none_lent(values, count);
   return guarded(error, [&]() -> Expected<void> {
-    const auto sensitivity = reported(solution);
-    if (!sensitivity) return unexpected(sensitivity.error());
-    const marble::ProblemGradients& gradients = (*sensitivity)->gradients;
+    MARBLE_ASSIGN_OR_RETURN(const auto sensitivity, reported(solution));
+    const marble::ProblemGradients& gradients = sensitivity->gradients;
     if (std::ranges::count(gradients.undefined, loss) > 0) {
       return unexpected(
           none("loss", "has no gradient: multipliers that it weighs are not unique, or the branch is flat"));
@@ -208,9 +203,8 @@ std::int32_t marble_solution_response(const marble_solution* solution, const cha
                                       const double** values, std::int64_t* count, marble_error* error) {
   none_lent(values, count);
   return guarded(error, [&]() -> Expected<void> {
-    const auto sensitivity = reported(solution);
-    if (!sensitivity) return unexpected(sensitivity.error());
-    const auto& rows = (*sensitivity)->rows;
+    MARBLE_ASSIGN_OR_RETURN(const auto sensitivity, reported(solution));
+    const auto& rows = sensitivity->rows;
     if (!rows) return unexpected(none("rows", "have no response: none was asked for"));
     if (!*rows) return unexpected(rows->error());
     return lend(
@@ -223,15 +217,14 @@ std::int32_t marble_solution_weak(const marble_solution* solution, const char* n
                                   const std::int32_t** indices, std::int64_t* count, marble_error* error) {
   none_lent(indices, count);
   return guarded(error, [&]() -> Expected<void> {
-    const auto sensitivity = reported(solution);
-    if (!sensitivity) return unexpected(sensitivity.error());
+    MARBLE_ASSIGN_OR_RETURN(const auto sensitivity, reported(solution));
     if (name == nullptr) return unexpected(null("name"));
     if (indices == nullptr) return unexpected(null("indices"));
     if (count == nullptr) return unexpected(null("count"));
     const std::string_view which = name;
     if (which != "inequalities" && which != "pairs")
       return unexpected(invalid("name", name, "must be inequalities or pairs"));
-    const auto& weak = which == "pairs" ? (*sensitivity)->biactive_pairs : (*sensitivity)->weak_inequalities;
+    const auto& weak = which == "pairs" ? sensitivity->biactive_pairs : sensitivity->weak_inequalities;
     *indices = weak.data();
     *count = static_cast<std::int64_t>(weak.size());
     return {};

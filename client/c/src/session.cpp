@@ -43,8 +43,7 @@ std::int32_t marble_session_open(const marble_client* client, const marble_probl
     if (!reading) return unexpected(in_use("problem"));
     const std::shared_lock reading_call((call == nullptr ? none : *call).usage, std::try_to_lock);
     if (!reading_call) return unexpected(in_use("call"));
-    const auto checked = marble::Problem::create(problem->problem.view());
-    if (!checked) return unexpected(checked.error());
+    MARBLE_ASSIGN_OR_RETURN(const auto checked, marble::Problem::create(problem->problem.view()));
     marble::SessionOptions over;
     over.problem_name = problem->problem.name;
     if (call != nullptr) {
@@ -58,9 +57,9 @@ std::int32_t marble_session_open(const marble_client* client, const marble_probl
       over.answer_grace = std::chrono::duration<double>(call->answer_grace_s);
     }
     return marble::c::with_client(client, [&](const marble::Client& where) -> Expected<void> {
-      auto opened = where.open_session(problem->problem.view(),
-                                       options == nullptr ? marble::Options() : options->options, over);
-      if (!opened) return unexpected(opened.error());
+      MARBLE_ASSIGN_OR_RETURN(
+          auto opened, where.open_session(problem->problem.view(),
+                                          options == nullptr ? marble::Options() : options->options, over));
       marble::OwnedProblem shape;
       shape.g = problem->problem.g;
       shape.b = problem->problem.b;
@@ -68,7 +67,7 @@ std::int32_t marble_session_open(const marble_client* client, const marble_probl
       shape.l = problem->problem.l;
       shape.r = problem->problem.r;
       *session =
-          new marble_session{std::move(*opened), marble::PartSizes::of(*checked), std::move(shape), call};
+          new marble_session{std::move(opened), marble::PartSizes::of(checked), std::move(shape), call};
       return {};
     });
   });
@@ -80,14 +79,13 @@ std::int32_t marble_session_set(marble_session* session, const char* part, const
                                 std::int64_t count, marble_error* error) {
   return change(session, "session", error, [&]() -> Expected<void> {
     if (part == nullptr) return unexpected(null("part"));
-    const auto given = marble::c::numbers(values, count);
-    if (!given) return unexpected(given.error());
+    MARBLE_ASSIGN_OR_RETURN(const auto given, marble::c::numbers(values, count));
     const std::string name = part;
     marble::ProblemUpdate update;
     if (name == "c0") {
       if (count != 1) return unexpected(marble::invalid("c0", std::to_string(count), "must be 1 number"));
       update.c0 = *values;
-      if (auto valid = session->sizes.check(update); !valid) return valid;
+      MARBLE_RETURN_IF_ERROR(session->sizes.check(update));
       session->c0 = *values;
       return {};
     }
@@ -95,21 +93,21 @@ std::int32_t marble_session_set(marble_session* session, const char* part, const
     const auto wrong_count = [&](std::size_t wanted) {
       return marble::invalid(name, std::to_string(count), "must have " + std::to_string(wanted) + " numbers");
     };
-#define MARBLE_VECTOR(letter, field)                                                                   \
-  if (name == #letter) {                                                                               \
-    if (given->size() != session->sizes.letter) return unexpected(wrong_count(session->sizes.letter)); \
-    update.letter = *given;                                                                            \
-    if (auto valid = session->sizes.check(update); !valid) return valid;                               \
-    session->numbers.letter.assign(given->begin(), given->end());                                      \
-    return {};                                                                                         \
+#define MARBLE_VECTOR(letter, field)                                                                  \
+  if (name == #letter) {                                                                              \
+    if (given.size() != session->sizes.letter) return unexpected(wrong_count(session->sizes.letter)); \
+    update.letter = given;                                                                            \
+    MARBLE_RETURN_IF_ERROR(session->sizes.check(update));                                             \
+    session->numbers.letter.assign(given.begin(), given.end());                                       \
+    return {};                                                                                        \
   }
-#define MARBLE_MATRIX(letter, field, update_field, vector)                                             \
-  if (name == #letter) {                                                                               \
-    if (given->size() != session->sizes.letter) return unexpected(wrong_count(session->sizes.letter)); \
-    update.letter = *given;                                                                            \
-    if (auto valid = session->sizes.check(update); !valid) return valid;                               \
-    session->numbers.letter.values.assign(given->begin(), given->end());                               \
-    return {};                                                                                         \
+#define MARBLE_MATRIX(letter, field, update_field, vector)                                            \
+  if (name == #letter) {                                                                              \
+    if (given.size() != session->sizes.letter) return unexpected(wrong_count(session->sizes.letter)); \
+    update.letter = given;                                                                            \
+    MARBLE_RETURN_IF_ERROR(session->sizes.check(update));                                             \
+    session->numbers.letter.values.assign(given.begin(), given.end());                                \
+    return {};                                                                                        \
   }
 #include "marble/contract.def"
     return unexpected(marble::invalid("part", name, "must be c0, g, b, d, l, r, Q, A, C, L or R"));
@@ -131,7 +129,7 @@ std::int32_t marble_session_set_initial_z(marble_session* session, const double*
     const auto given = marble::c::numbers(z, count);
     if (!given) return unexpected(marble::of_field("initial_z", given.error()));
     const auto variables = static_cast<marble::Index>(session->sizes.g);
-    if (auto valid = marble::Problem::check_initial_point(*given, variables); !valid) return valid;
+    MARBLE_RETURN_IF_ERROR(marble::Problem::check_initial_point(*given, variables));
     session->initial_z.assign(given->begin(), given->end());
     return {};
   });
@@ -146,9 +144,7 @@ std::int32_t marble_session_set_cold(marble_session* session, marble_error* erro
 
 std::int32_t marble_session_shift(marble_session* session, std::int32_t stages, marble_error* error) {
   return change(session, "session", error, [&]() -> Expected<void> {
-    auto by_stage = marble::Shift::by_stage(session->shape.view(), stages);
-    if (!by_stage) return unexpected(by_stage.error());
-    session->shift = std::move(*by_stage);
+    MARBLE_ASSIGN_OR_RETURN(session->shift, marble::Shift::by_stage(session->shape.view(), stages));
     return {};
   });
 }

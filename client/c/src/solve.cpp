@@ -28,9 +28,8 @@ std::int32_t connected(const char* address, const Keepalive& keepalive, marble_c
   if (client != nullptr) *client = nullptr;
   return guarded(error, [&]() -> Expected<void> {
     if (client == nullptr) return unexpected(null("client"));
-    auto made = connect(address, keepalive);
-    if (!made) return unexpected(made.error());
-    *client = new marble_client{std::move(*made)};
+    MARBLE_ASSIGN_OR_RETURN(auto made, connect(address, keepalive));
+    *client = new marble_client{std::move(made)};
     return {};
   });
 }
@@ -107,10 +106,10 @@ std::int32_t marble_solve(const marble_client* client, const marble_problem* pro
     const marble::CallControls over = given.over(problem->problem.name);
     const marble::Options chosen = options == nullptr ? marble::Options() : options->options;
     const auto view = problem->problem.view();
-    auto answer = client == nullptr ? marble::solve(view, chosen, controls, over)
-                                    : client->client.solve(view, chosen, controls, over);
-    if (!answer) return unexpected(answer.error());
-    *solution = new marble_solution{std::move(*answer)};
+    MARBLE_ASSIGN_OR_RETURN(auto answer, client == nullptr
+                                             ? marble::solve(view, chosen, controls, over)
+                                             : client->client.solve(view, chosen, controls, over));
+    *solution = new marble_solution{std::move(answer)};
     return {};
   });
 }

@@ -167,9 +167,8 @@ Expected<Solution> solve(const NlProblem& nl, const Settings& settings, std::sto
   if (is_here(settings)) return solve_in_process(problem.view(), settings.options, controls);
   ServerArguments arguments;
   arguments.server = settings.server;
-  const auto client = connect(arguments);
-  if (!client) return unexpected(client.error());
-  auto answer = client->solve(problem.view(), settings.options, controls, {.problem_name = problem.name});
+  MARBLE_ASSIGN_OR_RETURN(const auto client, connect(arguments));
+  auto answer = client.solve(problem.view(), settings.options, controls, {.problem_name = problem.name});
   if (answer) return std::move(static_cast<Solution&>(*answer));
   answer.error().bound += " (server " + settings.server + ")";
   return unexpected(answer.error());
@@ -232,10 +231,9 @@ Expected<SolFile> run(const CommandLine& line) {
 }
 
 Expected<void> write(const SolFile& sol, const std::string& path) {
-  auto file = AtomicFile::open(path);
-  if (!file) return unexpected(file.error());
-  file->write(formats::sol_text(sol));
-  return file->commit();
+  MARBLE_ASSIGN_OR_RETURN(auto file, AtomicFile::open(path));
+  file.write(formats::sol_text(sol));
+  return file.commit();
 }
 
 int fails(const Error& error) {

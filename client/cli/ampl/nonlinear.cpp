@@ -63,9 +63,8 @@ Expected<void> set_nonlinear_text(Settings& settings, const std::string& name, c
     return unexpected(invalid(name, value, "must be an integer >= 0"));
   }
   if (name == "nonlinear_method") {
-    const auto method = nonlinear::method_of(value);
-    if (!method) return unexpected(method.error());
-    return settings.method = *method, Expected<void>{};
+    MARBLE_ASSIGN_OR_RETURN(const auto method, nonlinear::method_of(value));
+    return settings.method = method, Expected<void>{};
   }
   if (name == "curvature") {
     for (const auto& [word, curvature] : kCurvatures) {
@@ -73,7 +72,7 @@ Expected<void> set_nonlinear_text(Settings& settings, const std::string& name, c
     }
     return unexpected(invalid(name, value, "must be exact, bfgs or none"));
   }
-  if (auto set = set_option_text(settings.lcqp, name, value); !set) return set;
+  MARBLE_RETURN_IF_ERROR(set_option_text(settings.lcqp, name, value));
   if (name == "time_limit_s") {
     const double all = std::exchange(settings.lcqp.time_limit_s, Options().time_limit_s);
     settings.time_limit_s = std::max(all, std::numeric_limits<double>::min());
@@ -86,9 +85,8 @@ Expected<nonlinear::Answer> solve_nonlinear(const formats::NlNonlinear& nl,
                                             const ServerArguments* server) {
   const auto solve = [&]() -> Expected<nonlinear::Answer> {
     if (server == nullptr) return nonlinear::solve(nl.problem, nonlinear::open_ticks_in_process, settings);
-    const auto client = connect(*server);
-    if (!client) return unexpected(client.error());
-    return nonlinear::solve(nl.problem, *client, settings);
+    MARBLE_ASSIGN_OR_RETURN(const auto client, connect(*server));
+    return nonlinear::solve(nl.problem, client, settings);
   };
   auto answer = solve();
   if (answer) return answer;

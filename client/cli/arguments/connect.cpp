@@ -25,9 +25,7 @@ Expected<std::string> read_token(const std::string& path) {
 Expected<Client> connect(const ServerArguments& arguments) {
   ConnectOptions options = arguments.connect;
   if (!arguments.token_file.empty()) {
-    auto token = read_token(arguments.token_file);
-    if (!token) return unexpected(token.error());
-    options.token = std::move(*token);
+    MARBLE_ASSIGN_OR_RETURN(options.token, read_token(arguments.token_file));
   }
   return Client::connect(arguments.server, options);
 }

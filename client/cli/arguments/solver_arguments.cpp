@@ -15,9 +15,8 @@ void add_solver_arguments(CLI::App& command, SolverArguments& arguments) {
 }
 
 Expected<Options> parse_options(const SolverArguments& arguments) {
-  auto options = parse_research_options(arguments);
-  if (!options) return options;
-  if (auto valid = validate(*options); !valid) return unexpected(valid.error());
+  MARBLE_ASSIGN_OR_RETURN(auto options, parse_research_options(arguments));
+  MARBLE_RETURN_IF_ERROR(validate(options));
   return options;
 }
 
@@ -28,9 +27,7 @@ Expected<Options> parse_research_options(const SolverArguments& arguments) {
     if (equals == std::string::npos) {
       return unexpected(invalid("--option", option, "must be name=value"));
     }
-    if (auto set = set_option_text(options, option.substr(0, equals), option.substr(equals + 1)); !set) {
-      return unexpected(set.error());
-    }
+    MARBLE_RETURN_IF_ERROR(set_option_text(options, option.substr(0, equals), option.substr(equals + 1)));
   }
   if (!arguments.time_limit_s.empty()) {
     auto set = set_option_text(options, "time_limit_s", arguments.time_limit_s);

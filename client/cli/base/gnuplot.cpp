@@ -59,11 +59,10 @@ std::string gnuplot_text(const std::string& text) {
 }
 
 Expected<std::string> run_gnuplot(const std::string& script) {
-  auto end = run_program({"gnuplot", "--default-settings"}, script);
-  if (!end) return unexpected(std::move(end.error()));
-  if (!end->well || end->out.empty())
-    return unexpected(failure(ErrorCode::internal, "gnuplot", "failed: " + end->err));
-  return std::move(end->out);
+  MARBLE_ASSIGN_OR_RETURN(auto end, run_program({"gnuplot", "--default-settings"}, script));
+  if (!end.well || end.out.empty())
+    return unexpected(failure(ErrorCode::internal, "gnuplot", "failed: " + end.err));
+  return std::move(end.out);
 }
 
 Expected<void> write_figure(const std::string& path, const std::string& csv,
@@ -74,10 +73,9 @@ Expected<void> write_figure(const std::string& path, const std::string& csv,
     if (!picture) return unexpected(of_field(path, picture.error()));
     content = std::move(*picture);
   }
-  auto file = AtomicFile::open(path);
-  if (!file) return unexpected(std::move(file.error()));
-  file->write(content);
-  return file->commit();
+  MARBLE_ASSIGN_OR_RETURN(auto file, AtomicFile::open(path));
+  file.write(content);
+  return file.commit();
 }
 
 }  // namespace marble::cli

@@ -75,12 +75,11 @@ Expected<SparseMatrix> coupling_of(const nlohmann::json& object) {
 
 Expected<void> take_block(const nlohmann::json& object, const std::filesystem::path& beside,
                           CoupledFile& file) {
-  const auto name = field_in<std::string>(object, "problem");
-  if (!name) return unexpected(name.error());
-  auto read = formats::read_any_problem((beside / *name).string());
+  MARBLE_ASSIGN_OR_RETURN(const auto name, field_in<std::string>(object, "problem"));
+  auto read = formats::read_any_problem((beside / name).string());
   if (!read) {
     const std::string& field = read.error().field;
-    return unexpected(of_field("problem (" + *name + ")" + (field.empty() ? "" : "." + field), read.error()));
+    return unexpected(of_field("problem (" + name + ")" + (field.empty() ? "" : "." + field), read.error()));
   }
   file.blocks.push_back(std::move(read->problem));
   SparseMatrix& coupling = file.coupling.emplace_back();
@@ -95,15 +94,10 @@ Expected<void> take_block(const nlohmann::json& object, const std::filesystem::p
 // [0], "j": [0], "v": [1]}}, …]}; paths are relative to this file, in any format. Errors name the field, and
 // the file of a block that cannot be read.
 Expected<CoupledFile> read_coupled(const std::string& path) {
-  const auto bytes = formats::read_bytes(path);
-  if (!bytes) return unexpected(bytes.error());
-  const auto object = parsed_object(*bytes);
-  if (!object) return unexpected(object.error());
-  const nlohmann::json& content = *object;
+  MARBLE_ASSIGN_OR_RETURN(const auto bytes, formats::read_bytes(path));
+  MARBLE_ASSIGN_OR_RETURN(const auto content, parsed_object(bytes));
   CoupledFile file;
-  auto coupling_rhs = field_in<std::vector<double>>(content, "coupling_rhs");
-  if (!coupling_rhs) return unexpected(coupling_rhs.error());
-  file.coupling_rhs = *std::move(coupling_rhs);
+  MARBLE_ASSIGN_OR_RETURN(file.coupling_rhs, field_in<std::vector<double>>(content, "coupling_rhs"));
   if (!content.contains("blocks") || !content.at("blocks").is_array())
     return unexpected(invalid("blocks", "must be a list"));
   const nlohmann::json& blocks = content.at("blocks");
@@ -111,7 +105,7 @@ Expected<CoupledFile> read_coupled(const std::string& path) {
     auto taken = take_block(blocks.at(k), std::filesystem::path(path).parent_path(), file);
     if (!taken) return unexpected(inside("blocks[" + std::to_string(k) + "]", taken.error()));
   }
-  if (auto valid = check(file.view()); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check(file.view()));
   return file;
 }
 

@@ -178,10 +178,9 @@ Json json_of(const JobDetails& details) {
 }
 
 Expected<void> write_trace(const JobTrace& trace, const std::string& path) {
-  auto writer = TraceWriter::open(path);
-  if (!writer) return unexpected(writer.error());
-  for (const Progress& row : trace.rows) writer->report(row);
-  return writer->commit();
+  MARBLE_ASSIGN_OR_RETURN(auto writer, TraceWriter::open(path));
+  for (const Progress& row : trace.rows) writer.report(row);
+  return writer.commit();
 }
 
 int write_job_bundle(const JobArguments& arguments, const Jobs& jobs) {

@@ -64,8 +64,7 @@ ProblemUpdate difference(const OwnedProblem& before, const OwnedProblem& now) {
 Expected<void> prepare(Session& session, ProblemUpdate& update, UpdateControls& controls) {
   ProblemUpdate first = update;
   first.b = {};
-  auto prepared = session.prepare(first, controls);
-  if (!prepared) return unexpected(std::move(prepared.error()));
+  MARBLE_RETURN_IF_ERROR(session.prepare(first, controls));
   update = {.b = update.b};
   controls.shift = {};
   return {};

@@ -49,9 +49,8 @@ struct Outcome {
 };
 
 Expected<Recorded> read_recorded(const std::string& path) {
-  auto bundle = load_bundle(path);
-  if (!bundle) return unexpected(bundle.error());
-  Recorded recorded{std::move(*bundle), {}, {}, {}};
+  MARBLE_ASSIGN_OR_RETURN(auto bundle, load_bundle(path));
+  Recorded recorded{std::move(bundle), {}, {}, {}};
   if (!recorded.request.ParseFromString(recorded.bundle.request))
     return unexpected(
         failure(ErrorCode::invalid_argument, "is no bundle: request.pb is no marble.v1.SolveRequest"));
@@ -61,11 +60,10 @@ Expected<Recorded> read_recorded(const std::string& path) {
   const v1::GetJobResponse& job = recorded.bundle.facts.job();
   const v1::Solution& solution = recorded.answer.solution();
   // As used, including the server's defaults; if the server no longer has the job, its solution has them.
-  const auto options = options_of(job.has_options()        ? job.options()
-                                  : solution.has_options() ? solution.options()
-                                                           : recorded.request.options());
-  if (!options) return unexpected(options.error());
-  recorded.options = *options;
+  MARBLE_ASSIGN_OR_RETURN(recorded.options,
+                          options_of(job.has_options()        ? job.options()
+                                     : solution.has_options() ? solution.options()
+                                                              : recorded.request.options()));
   return recorded;
 }
 

@@ -64,9 +64,8 @@ Expected<Index> index_of(const std::string& field, double value) {
 Expected<std::vector<Index>> indices_of(const std::string& field, const std::vector<double>& values) {
   std::vector<Index> result;
   for (const double value : values) {
-    const auto index = index_of(field, value);
-    if (!index) return unexpected(index.error());
-    result.push_back(*index);
+    MARBLE_ASSIGN_OR_RETURN(const auto index, index_of(field, value));
+    result.push_back(index);
   }
   return result;
 }
@@ -101,22 +100,19 @@ Expected<Value> field_of(const nlohmann::json& object, const char* name, Value o
 
 Expected<ScenarioQuantity> quantity_of(const nlohmann::json& object, ScenarioFile& file) {
   ScenarioQuantity quantity;
-  const auto word = field_of<std::string>(object, "distribution", "uniform");
-  if (!word) return unexpected(word.error());
-  if (*word == "normal") {
+  MARBLE_ASSIGN_OR_RETURN(const auto word, field_of<std::string>(object, "distribution", "uniform"));
+  if (word == "normal") {
     quantity.distribution = ScenarioDistribution::normal;
-  } else if (*word == "lognormal") {
+  } else if (word == "lognormal") {
     quantity.distribution = ScenarioDistribution::lognormal;
-  } else if (*word != "uniform") {
-    return unexpected(invalid("distribution", *word, "must be uniform, normal or lognormal"));
+  } else if (word != "uniform") {
+    return unexpected(invalid("distribution", word, "must be uniform, normal or lognormal"));
   }
   for (const auto& [name, into] : {std::pair{"location", &quantity.location},
                                    {"scale", &quantity.scale},
                                    {"least", &quantity.least},
                                    {"most", &quantity.most}}) {
-    const auto value = field_of(object, name, *into);
-    if (!value) return unexpected(value.error());
-    *into = *value;
+    MARBLE_ASSIGN_OR_RETURN(*into, field_of(object, name, *into));
   }
   const auto effects = field_of(object, "effects", nlohmann::json::array());
   if (!effects || !effects->is_array()) return unexpected(invalid("effects", "must be a list"));
@@ -124,14 +120,11 @@ Expected<ScenarioQuantity> quantity_of(const nlohmann::json& object, ScenarioFil
     const auto name = field_of<std::string>(effect, "part", "");
     const auto part = name ? part_of(*name) : std::nullopt;
     if (!part) return unexpected(invalid("part", "must be one of c0, g, b, d, l, r, Q, A, C, L, R"));
-    const auto positions = field_of<std::vector<double>>(effect, "positions", {});
-    if (!positions) return unexpected(positions.error());
-    auto places = indices_of("positions", *positions);
-    if (!places) return unexpected(places.error());
-    auto gains = field_of<std::vector<double>>(effect, "gains", {1.0});
-    if (!gains) return unexpected(gains.error());
-    const auto& kept = file.positions.emplace_back(*std::move(places));
-    quantity.effects.push_back({{*part, kept}, file.numbers.emplace_back(*std::move(gains))});
+    MARBLE_ASSIGN_OR_RETURN(const auto positions, field_of<std::vector<double>>(effect, "positions", {}));
+    MARBLE_ASSIGN_OR_RETURN(auto places, indices_of("positions", positions));
+    MARBLE_ASSIGN_OR_RETURN(auto gains, field_of<std::vector<double>>(effect, "gains", {1.0}));
+    const auto& kept = file.positions.emplace_back(std::move(places));
+    quantity.effects.push_back({{*part, kept}, file.numbers.emplace_back(std::move(gains))});
   }
   return quantity;
 }
@@ -139,24 +132,20 @@ Expected<ScenarioQuantity> quantity_of(const nlohmann::json& object, ScenarioFil
 // Reads an .npz file: for every part that varies, c0, g, b, d, l, r, or the values of Q, A, C, L, R, one row
 // per scenario; weights; first_stage, own_equalities, own_inequalities and own_pairs. Errors name the array.
 Expected<void> read_samples(const std::string& path, ScenarioFile& file) {
-  const auto arrays = formats::read_npz_arrays(path);
-  if (!arrays) return unexpected(arrays.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto arrays, formats::read_npz_arrays(path));
   std::vector<Columns> parts;
-  for (const auto& [name, array] : *arrays) {
+  for (const auto& [name, array] : arrays) {
     if (std::vector<Index>* const list = list_of(file, name)) {
-      auto indices = indices_of(name, array.values);
-      if (!indices) return unexpected(indices.error());
-      *list = *std::move(indices);
+      MARBLE_ASSIGN_OR_RETURN(*list, indices_of(name, array.values));
     } else if (name == "weights") {
       file.table.weights = file.numbers.emplace_back(array.values);
     } else if (const auto part = part_of(name)) {
-      auto columns = columns_of(name, array);
-      if (!columns) return unexpected(columns.error());
-      if (!parts.empty() && columns->rows != parts.front().rows)
-        return unexpected(invalid(name, std::to_string(columns->rows) + " rows",
+      MARBLE_ASSIGN_OR_RETURN(auto columns, columns_of(name, array));
+      if (!parts.empty() && columns.rows != parts.front().rows)
+        return unexpected(invalid(name, std::to_string(columns.rows) + " rows",
                                   "must have a row for each scenario, as others have"));
       file.table.entries.push_back({*part, {}});
-      parts.push_back(*std::move(columns));
+      parts.push_back(std::move(columns));
     } else {
       return unexpected(invalid(name,
                                 "is no array of samples: c0, g, b, d, l, r, Q, A, C, L, R, weights, "
@@ -177,21 +166,14 @@ Expected<void> read_samples(const std::string& path, ScenarioFile& file) {
 // "least": -2, "most": 2, "effects": [{"part": "l", "positions": [0, 1], "gains": [1.0]}]}], "first_stage":
 // …}.
 Expected<void> read_sampler(const std::string& path, ScenarioFile& file) {
-  const auto bytes = formats::read_bytes(path);
-  if (!bytes) return unexpected(bytes.error());
-  const auto object = parsed_object(*bytes);
-  if (!object) return unexpected(object.error());
-  const nlohmann::json& content = *object;
+  MARBLE_ASSIGN_OR_RETURN(const auto bytes, formats::read_bytes(path));
+  MARBLE_ASSIGN_OR_RETURN(const auto content, parsed_object(bytes));
   for (const char* const name : {"first_stage", "own_equalities", "own_inequalities", "own_pairs"}) {
-    const auto values = field_of<std::vector<double>>(content, name, {});
-    if (!values) return unexpected(values.error());
-    auto indices = indices_of(name, *values);
-    if (!indices) return unexpected(indices.error());
-    *list_of(file, name) = *std::move(indices);
+    MARBLE_ASSIGN_OR_RETURN(const auto values, field_of<std::vector<double>>(content, name, {}));
+    MARBLE_ASSIGN_OR_RETURN(auto indices, indices_of(name, values));
+    *list_of(file, name) = std::move(indices);
   }
-  const auto seed = field_of<std::uint64_t>(content, "seed", 0);
-  if (!seed) return unexpected(seed.error());
-  file.sampler.seed = *seed;
+  MARBLE_ASSIGN_OR_RETURN(file.sampler.seed, field_of<std::uint64_t>(content, "seed", 0));
   const auto quantities = field_of(content, "quantities", nlohmann::json::array());
   if (!quantities || !quantities->is_array()) return unexpected(invalid("quantities", "must be a list"));
   for (std::size_t q = 0; q < quantities->size(); ++q) {

@@ -140,8 +140,7 @@ Expected<nonlinear::Settings> nonlinear_settings(const SolverArguments& argument
   if (!arguments.time_limit_s.empty()) words.push_back("time_limit_s=" + arguments.time_limit_s);
   for (const std::string& word : words) {
     const std::size_t equals = word.find('=');
-    auto set = set_nonlinear_text(settings, word.substr(0, equals), word.substr(equals + 1));
-    if (!set) return unexpected(set.error());
+    MARBLE_RETURN_IF_ERROR(set_nonlinear_text(settings, word.substr(0, equals), word.substr(equals + 1)));
   }
   return settings;
 }
@@ -210,10 +209,9 @@ int run(const SolveArguments& arguments) {
   if (options->explain) {
     means.read = [&of_input](const std::string& path) -> Expected<ProblemFile> {
       if (path != "-") return formats::read_any_problem(path);
-      auto named = read_named_problem(path);
-      if (!named) return unexpected(named.error());
-      of_input = std::move(named->names);
-      return std::move(named->file);
+      MARBLE_ASSIGN_OR_RETURN(auto named, read_named_problem(path));
+      of_input = std::move(named.names);
+      return std::move(named.file);
     };
   }
   means.names = [&of_input](const std::string& path, const OwnedProblem& problem) {

@@ -65,10 +65,9 @@ Expected<Index> take_list(const Json& json, const std::string& field, std::span<
     for (const auto& [name, values] : list[k].items()) {
       const auto place = std::ranges::find(places, name, &Place::name);
       if (place == places.end()) return unexpected(invalid(at + "." + name, "is no part of it"));
-      auto numbers = take_numbers(values, at + "." + name, place->size);
-      if (!numbers) return unexpected(numbers.error());
+      MARBLE_ASSIGN_OR_RETURN(auto numbers, take_numbers(values, at + "." + name, place->size));
       place->all->resize(list.size() * place->size);
-      std::ranges::copy(*numbers, place->all->begin() + static_cast<std::ptrdiff_t>(k * place->size));
+      std::ranges::copy(numbers, place->all->begin() + static_cast<std::ptrdiff_t>(k * place->size));
     }
   }
   return static_cast<Index>(list.size());
@@ -79,10 +78,10 @@ Expected<SparseMatrix> take_rows(const Json& json, std::size_t variables) {
     return unexpected(invalid("rows.E", "must be a list of rows of numbers"));
   Triplets entries;
   for (std::size_t i = 0; i < json.size(); ++i) {
-    const auto row = take_numbers(json[i], "rows.E[" + std::to_string(i) + "]", variables);
-    if (!row) return unexpected(row.error());
-    for (std::size_t j = 0; j < row->size(); ++j) {
-      if ((*row)[j] != 0.0) entries.add(static_cast<Index>(i), static_cast<Index>(j), (*row)[j]);
+    MARBLE_ASSIGN_OR_RETURN(const auto row,
+                            take_numbers(json[i], "rows.E[" + std::to_string(i) + "]", variables));
+    for (std::size_t j = 0; j < row.size(); ++j) {
+      if (row[j] != 0.0) entries.add(static_cast<Index>(i), static_cast<Index>(j), row[j]);
     }
   }
   return compress(static_cast<Index>(json.size()), static_cast<Index>(variables), entries, "rows.E");
@@ -100,30 +99,22 @@ Expected<void> take(const Json& json, const OwnedProblem& problem, OwnedSensitiv
 #define MARBLE_MATRIX(letter, field, update, vector) \
   places.push_back({#letter, &request.numbers.letter.values, problem.letter.values.size()});
 #include "marble/contract.def"
-  const auto directions = take_list(json, "directions", places);
-  if (!directions) return unexpected(directions.error());
-  request.directions = *directions;
+  MARBLE_ASSIGN_OR_RETURN(request.directions, take_list(json, "directions", places));
   const Place of_answer[] = {
       {"z", &request.z, problem.g.size()},
       {"equality_multipliers", &request.equality_multipliers, problem.b.size()},
       {"inequality_multipliers", &request.inequality_multipliers, problem.d.size()},
       {"complementarity_multipliers_L", &request.complementarity_multipliers_L, problem.l.size()},
       {"complementarity_multipliers_R", &request.complementarity_multipliers_R, problem.r.size()}};
-  const auto losses = take_list(json, "losses", of_answer);
-  if (!losses) return unexpected(losses.error());
-  request.losses = *losses;
+  MARBLE_ASSIGN_OR_RETURN(request.losses, take_list(json, "losses", of_answer));
   if (!json.contains("rows")) return {};
   const Json& rows = json["rows"];
   if (!rows.is_object()) return unexpected(invalid("rows", "must be an object with E"));
-  auto E = take_rows(rows.value("E", Json()), problem.g.size());
-  if (!E) return unexpected(E.error());
-  request.E = std::move(*E);
+  MARBLE_ASSIGN_OR_RETURN(request.E, take_rows(rows.value("E", Json()), problem.g.size()));
   for (const auto& [name, part] : rows.items()) {
     Numbers* const vector = name == "proximal" ? &request.proximal : name == "g" ? &request.g : nullptr;
     if (vector != nullptr) {
-      auto numbers = take_numbers(part, "rows." + name, problem.g.size());
-      if (!numbers) return unexpected(numbers.error());
-      *vector = std::move(*numbers);
+      MARBLE_ASSIGN_OR_RETURN(*vector, take_numbers(part, "rows." + name, problem.g.size()));
     } else if (name == "columns" && part.is_boolean()) {
       request.columns = part.get<bool>();
     } else if (name != "E") {
@@ -267,9 +258,8 @@ Expected<std::optional<AtomicFile>> open_proof(const SolveArguments& arguments) 
         "--proof", "is one problem's: must go with one FILE, not " + std::to_string(arguments.files.size())));
   }
   if (!arguments.here()) return unexpected(invalid("--proof", "a server sends none: must go with --local"));
-  auto file = AtomicFile::open(arguments.proof);
-  if (!file) return unexpected(file.error());
-  return std::optional<AtomicFile>(std::move(*file));
+  MARBLE_ASSIGN_OR_RETURN(auto file, AtomicFile::open(arguments.proof));
+  return std::optional<AtomicFile>(std::move(file));
 }
 
 // Opens the trace before anything is solved, so that a mistyped path does not waste a long solve.
@@ -279,9 +269,8 @@ Expected<std::optional<TraceWriter>> open_trace(const SolveArguments& arguments)
     return unexpected(invalid("--trace", "is the convergence of one problem: must go with one FILE, not " +
                                              std::to_string(arguments.files.size())));
   }
-  auto writer = TraceWriter::open(arguments.trace);
-  if (!writer) return unexpected(writer.error());
-  return std::move(*writer);
+  MARBLE_ASSIGN_OR_RETURN(auto writer, TraceWriter::open(arguments.trace));
+  return writer;
 }
 
 }  // namespace
@@ -296,10 +285,9 @@ int report_error(const SolveArguments& arguments, const std::string& file, const
 Expected<Answer> solve_locally(const OwnedProblem& problem, const Options& options,
                                const SolveControls& controls) {
   const auto begun = std::chrono::steady_clock::now();
-  auto solution = solve_in_process(problem.view(), options, controls);
-  if (!solution) return unexpected(std::move(solution.error()));
+  MARBLE_ASSIGN_OR_RETURN(auto solution, solve_in_process(problem.view(), options, controls));
   Answer answer;
-  static_cast<Solution&>(answer) = std::move(*solution);
+  static_cast<Solution&>(answer) = std::move(solution);
   answer.total_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   return answer;
 }

@@ -69,22 +69,17 @@ Expected<NamedProblem> read_standard_input() {
   const std::string content(std::istreambuf_iterator<char>(std::cin), {});
   if (content.empty()) return unexpected(failure(ErrorCode::invalid_argument, "is empty"));
   const FileFormat format = format_of_content(content);
-  auto file = parse_problem(content, format, "stdin");
-  if (!file) return unexpected(file.error());
-  NamedProblem named{std::move(*file), {}};
+  MARBLE_ASSIGN_OR_RETURN(auto file, parse_problem(content, format, "stdin"));
+  NamedProblem named{std::move(file), {}};
   if (format == FileFormat::binary) return named;
-  auto names = names_of_json(content, named.file.problem);
-  if (!names) return unexpected(names.error());
-  named.names = std::move(*names);
+  MARBLE_ASSIGN_OR_RETURN(named.names, names_of_json(content, named.file.problem));
   return named;
 }
 
 }  // namespace
 
 Expected<ProblemNames> names_of_json(const std::string& text, const OwnedProblem& p) {
-  const auto member = names_member(text);
-  if (!member) return unexpected(member.error());
-  const Json& given = *member;
+  MARBLE_ASSIGN_OR_RETURN(const auto given, names_member(text));
   if (given.is_null()) return ProblemNames{};
   if (!given.is_object())
     return unexpected(invalid("names", "must be an object {variables, equalities, inequalities, pairs}"));
@@ -93,9 +88,7 @@ Expected<ProblemNames> names_of_json(const std::string& text, const OwnedProblem
                                          std::tuple{"equalities", p.b.size(), &names.equalities},
                                          std::tuple{"inequalities", p.d.size(), &names.inequalities},
                                          std::tuple{"pairs", p.l.size(), &names.pairs}}) {
-    auto read = texts(given, key, count);
-    if (!read) return unexpected(read.error());
-    *into = std::move(*read);
+    MARBLE_ASSIGN_OR_RETURN(*into, texts(given, key, count));
   }
   return names;
 }
@@ -103,22 +96,18 @@ Expected<ProblemNames> names_of_json(const std::string& text, const OwnedProblem
 Expected<ProblemNames> names_of_file(const std::string& path, const OwnedProblem& problem) {
   const bool json = path.ends_with(".json");
   if (!json && !path.ends_with(".nl")) return ProblemNames{};
-  const auto content = formats::read_bytes(path);
-  if (!content) return unexpected(content.error());
-  if (json) return names_of_json(*content, problem);
+  MARBLE_ASSIGN_OR_RETURN(const auto content, formats::read_bytes(path));
+  if (json) return names_of_json(content, problem);
   const auto names = formats::NlNames::beside(path.substr(0, path.size() - 3));
-  const auto nl = formats::parse_nl_problem(*content, problem.name, names);
-  if (!nl) return unexpected(nl.error());
-  return nl_names(*nl, names);
+  MARBLE_ASSIGN_OR_RETURN(const auto nl, formats::parse_nl_problem(content, problem.name, names));
+  return nl_names(nl, names);
 }
 
 Expected<NamedProblem> read_named_problem(const std::string& path) {
   if (path != "-") {
-    auto file = formats::read_any_problem(path);
-    if (!file) return unexpected(file.error());
-    auto names = names_of_file(path, file->problem);
-    if (!names) return unexpected(names.error());
-    return NamedProblem{std::move(*file), std::move(*names)};
+    MARBLE_ASSIGN_OR_RETURN(auto file, formats::read_any_problem(path));
+    MARBLE_ASSIGN_OR_RETURN(auto names, names_of_file(path, file.problem));
+    return NamedProblem{std::move(file), std::move(names)};
   }
   return or_out_of_memory(read_standard_input, [] {
     return failure(ErrorCode::resource_exhausted, "is too large for the memory there is");

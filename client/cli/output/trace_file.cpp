@@ -58,8 +58,7 @@ Expected<std::size_t> columns_of_header(std::string_view line) {
       return unexpected(fault(1, std::to_string(i + 1), cells[i], "is no trace: must be " + name));
   }
   if (cells.size() == kColumnsBeforeTrees) return cells.size();
-  if (auto width = check_width(1, cells.size(), progress_columns().size()); !width)
-    return unexpected(width.error());
+  MARBLE_RETURN_IF_ERROR(check_width(1, cells.size(), progress_columns().size()));
   return cells.size();
 }
 
@@ -81,13 +80,12 @@ Expected<double> number_in(std::string_view text, const ProgressColumn& column, 
 
 Expected<Progress> row_of(std::string_view text, std::size_t line, std::size_t columns) {
   const auto cells = cells_of(text);
-  if (auto width = check_width(line, cells.size(), columns); !width) return unexpected(width.error());
+  MARBLE_RETURN_IF_ERROR(check_width(line, cells.size(), columns));
   Progress row;
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const ProgressColumn& column = progress_columns()[i];
-    const auto value = number_in(cells[i], column, line);
-    if (!value) return unexpected(value.error());
-    column.set(row, *value);
+    MARBLE_ASSIGN_OR_RETURN(const auto value, number_in(cells[i], column, line));
+    column.set(row, value);
   }
   return row;
 }
@@ -99,9 +97,8 @@ TraceWriter::TraceWriter(AtomicFile file) : file_(std::move(file)) {
 }
 
 Expected<TraceWriter> TraceWriter::open(const std::string& path) {
-  auto file = AtomicFile::open(path);
-  if (!file) return unexpected(file.error());
-  return TraceWriter(std::move(*file));
+  MARBLE_ASSIGN_OR_RETURN(auto file, AtomicFile::open(path));
+  return TraceWriter(std::move(file));
 }
 
 void TraceWriter::report(const Progress& row) {
@@ -113,15 +110,13 @@ void TraceWriter::report(const Progress& row) {
 }
 
 Expected<std::vector<Progress>> parse_trace(std::string_view text) {
-  const auto columns = columns_of_header(take_line(text));
-  if (!columns) return unexpected(columns.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto columns, columns_of_header(take_line(text)));
   std::vector<Progress> rows;
   for (std::size_t line = 2; !text.empty(); ++line) {
     const std::string_view next = take_line(text);
     if (next.empty() && text.empty()) break;
-    auto row = row_of(next, line, *columns);
-    if (!row) return unexpected(row.error());
-    rows.push_back(*row);
+    MARBLE_ASSIGN_OR_RETURN(auto row, row_of(next, line, columns));
+    rows.push_back(row);
   }
   if (rows.empty()) return unexpected(fault(2, "", "", "has no row: nothing to plot"));
   return rows;

@@ -7,13 +7,12 @@ namespace marble::cli {
 
 Expected<void> save_bundle(const Bundle& bundle, const std::string& path) {
   return or_out_of_memory([&]() -> Expected<void> {
-    auto file = AtomicFile::open(path);
-    if (!file) return unexpected(file.error());
+    MARBLE_ASSIGN_OR_RETURN(auto file, AtomicFile::open(path));
     auto written = write_bundle(bundle, [&](std::string_view bytes) -> Expected<void> {
-      file->write(bytes);
+      file.write(bytes);
       return {};
     });
-    return written ? file->commit() : written;
+    return written ? file.commit() : written;
   });
 }
 
@@ -26,9 +25,8 @@ Expected<void> save_bundle(const JobBundle& parts, const std::string& path) {
 
 Expected<Bundle> load_bundle(const std::string& path) {
   return or_out_of_memory([&]() -> Expected<Bundle> {
-    const auto bytes = formats::read_bytes(path);
-    if (!bytes) return unexpected(bytes.error());
-    return read_bundle(*bytes);
+    MARBLE_ASSIGN_OR_RETURN(const auto bytes, formats::read_bytes(path));
+    return read_bundle(bytes);
   });
 }
 

@@ -33,10 +33,10 @@ Expected<Solved> solve_plain(const Client& client, const v1::SolveRequest& reque
     sensitivity = request_of(request.sensitivity());
     controls.sensitivity = &sensitivity;
   }
-  const auto answer = client.solve(view_of(request.problem()), options, controls, call);
-  if (!answer) return unexpected(answer.error());
-  to_message(*answer, &solved.solution);
-  solved.all_rows = answer->progress_skipped == 0;
+  MARBLE_ASSIGN_OR_RETURN(const auto answer,
+                          client.solve(view_of(request.problem()), options, controls, call));
+  to_message(answer, &solved.solution);
+  solved.all_rows = answer.progress_skipped == 0;
   return solved;
 }
 
@@ -47,14 +47,13 @@ Expected<Solved> solve_scenarios(const Client& client, const v1::SolveRequest& r
   Rows rows(solved.rows);
   ScenarioProblem problem;
   problem.base = view_of(request.problem());
-  if (auto taken = take_scenarios(request.scenarios(), problem); !taken) return unexpected(taken.error());
+  MARBLE_RETURN_IF_ERROR(take_scenarios(request.scenarios(), problem));
   ScenarioSettings settings{.options = options};
   take_settings(request.scenarios(), settings);
-  const auto answer = client.solve_scenarios(problem, settings, {&rows, stop}, call);
-  if (!answer) return unexpected(answer.error());
-  to_message(answer->solution, &solved.solution);
-  to_message(*answer, solved.solution.mutable_scenarios());
-  solved.all_rows = answer->progress_skipped == 0;
+  MARBLE_ASSIGN_OR_RETURN(const auto answer, client.solve_scenarios(problem, settings, {&rows, stop}, call));
+  to_message(answer.solution, &solved.solution);
+  to_message(answer, solved.solution.mutable_scenarios());
+  solved.all_rows = answer.progress_skipped == 0;
   return solved;
 }
 
@@ -74,11 +73,11 @@ Expected<Solved> solve_coupled(const Client& client, const v1::SolveRequest& req
     const CoupledStart start{{coupled.coupling_multipliers().begin(), coupled.coupling_multipliers().end()},
                              {}};
     if (!start.coupling_multipliers.empty()) controls.start = &start;
-    const auto answer = client.solve_coupled(coupled_of(coupled), settings, controls, call);
-    if (!answer) return unexpected(answer.error());
-    to_message(answer->monolithic, &solved.solution);
-    to_message(answer->coordination, answer->blocks_objective, outcome);
-    solved.all_rows = answer->progress_skipped == 0;
+    MARBLE_ASSIGN_OR_RETURN(const auto answer,
+                            client.solve_coupled(coupled_of(coupled), settings, controls, call));
+    to_message(answer.monolithic, &solved.solution);
+    to_message(answer.coordination, answer.blocks_objective, outcome);
+    solved.all_rows = answer.progress_skipped == 0;
     return solved;
   }
   const v1::Segments& segments = coupled.segments();
@@ -86,16 +85,15 @@ Expected<Solved> solve_coupled(const Client& client, const v1::SolveRequest& req
   settings.coupled.options = options;
   take_settings(coupled, settings.coupled);
   if (segments.has_overlap()) settings.overlap = segments.overlap();
-  const auto problem = Problem::create(view_of(request.problem()));
-  if (!problem) return unexpected(problem.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto problem, Problem::create(view_of(request.problem())));
   const std::span stages(segments.stages().data(), static_cast<std::size_t>(segments.stages_size()));
-  const auto answer = client.solve_in_segments(*problem, stages, settings, controls, call);
-  if (!answer) return unexpected(answer.error());
-  to_message(answer->whole, &solved.solution);
-  to_message(answer->coordination, answer->blocks_objective, outcome);
-  outcome->set_sweep_objective(answer->sweep_objective);
-  outcome->set_sweep_factorizations(answer->sweep_factorizations);
-  solved.all_rows = answer->progress_skipped == 0;
+  MARBLE_ASSIGN_OR_RETURN(const auto answer,
+                          client.solve_in_segments(problem, stages, settings, controls, call));
+  to_message(answer.whole, &solved.solution);
+  to_message(answer.coordination, answer.blocks_objective, outcome);
+  outcome->set_sweep_objective(answer.sweep_objective);
+  outcome->set_sweep_factorizations(answer.sweep_factorizations);
+  solved.all_rows = answer.progress_skipped == 0;
   return solved;
 }
 

@@ -77,12 +77,12 @@ Expected<AladinRun> run_once(AladinStart start, Method method, std::uint64_t see
   options.equality_tolerance = options.inequality_tolerance = options.complementarity_tolerance =
       options.stationarity_tolerance = 1e-14;
   Way way(run);
-  const auto answer = research::solve_in_process(aladin_example(static_cast<int>(z.size() / 2)).view(),
-                                                 options, {.progress = &way, .stop = stop, .initial_z = z});
-  if (!answer) return unexpected(answer.error());
-  if (answer->status == Status::cancelled)
+  MARBLE_ASSIGN_OR_RETURN(const auto answer, research::solve_in_process(
+                                                 aladin_example(static_cast<int>(z.size() / 2)).view(),
+                                                 options, {.progress = &way, .stop = stop, .initial_z = z}));
+  if (answer.status == Status::cancelled)
     return unexpected(failure(ErrorCode::cancelled, "interrupted: there is no table"));
-  run.factorizations = answer->factorizations;
+  run.factorizations = answer.factorizations;
   return run;
 }
 
@@ -123,9 +123,8 @@ Expected<std::vector<AladinRun>> aladin_runs(int seeds, const std::stop_token& s
   for (const AladinStart start : {AladinStart::path, AladinStart::near, AladinStart::far}) {
     for (const auto& [method, name, stands] : kMethods) {
       for (int seed = 0; seed < (start == AladinStart::path ? 1 : seeds); ++seed) {
-        auto run = run_once(start, method, static_cast<std::uint64_t>(seed), stop);
-        if (!run) return unexpected(std::move(run.error()));
-        runs.push_back(std::move(*run));
+        MARBLE_ASSIGN_OR_RETURN(auto run, run_once(start, method, static_cast<std::uint64_t>(seed), stop));
+        runs.push_back(std::move(run));
       }
     }
   }

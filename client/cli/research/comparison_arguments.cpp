@@ -133,16 +133,15 @@ int fails(const Error& error) {
 }
 
 Expected<void> write_table(const Comparison& comparison, const std::string& path) {
-  auto file = AtomicFile::open(path);
-  if (!file) return unexpected(std::move(file.error()));
-  file->write(comparison_table(comparison, table_format(path)));
-  return file->commit();
+  MARBLE_ASSIGN_OR_RETURN(auto file, AtomicFile::open(path));
+  file.write(comparison_table(comparison, table_format(path)));
+  return file.commit();
 }
 
 Expected<void> write_files(const ComparisonArguments& arguments, const Comparison& comparison,
                            const std::string& title) {
   if (!arguments.table.empty()) {
-    if (auto written = write_table(comparison, arguments.table); !written) return written;
+    MARBLE_RETURN_IF_ERROR(write_table(comparison, arguments.table));
   }
   if (arguments.profile.empty()) return {};
   return write_profile(comparison.profile(), title, arguments.profile);
@@ -204,24 +203,21 @@ void add_comparison_arguments(CLI::App& command, ComparisonArguments& arguments)
 
 Expected<std::vector<Contestant>> contestants_of(const ComparisonArguments& arguments,
                                                  const std::vector<std::string>& own) {
-  const auto base = parse_research_options(arguments.solver);
-  if (!base) return unexpected(base.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto base, parse_research_options(arguments.solver));
   std::vector<Contestant> all;
   for (const std::string& text : arguments.with.empty() && arguments.methods.empty() ? own : arguments.with) {
-    auto contestant = contestant_by_options("--with", text, *base);
-    if (!contestant) return unexpected(std::move(contestant.error()));
-    all.push_back(std::move(*contestant));
+    MARBLE_ASSIGN_OR_RETURN(auto contestant, contestant_by_options("--with", text, base));
+    all.push_back(std::move(contestant));
   }
   for (const std::string& method : arguments.methods) {
-    Options options = *base;
+    Options options = base;
     if (auto set = set_option_text(options, "method", method); !set)
       return unexpected(of_field("--methods", set.error()));
     all.push_back({method, options});
   }
   for (const std::string& text : arguments.peers) {
-    auto contestant = contestant_by_command("--peer", text);
-    if (!contestant) return unexpected(std::move(contestant.error()));
-    all.push_back(std::move(*contestant));
+    MARBLE_ASSIGN_OR_RETURN(auto contestant, contestant_by_command("--peer", text));
+    all.push_back(std::move(contestant));
   }
   for (std::size_t k = 0; k < all.size(); ++k) {
     if (std::ranges::count(all, all[k].name, &Contestant::name) > 1)

@@ -145,25 +145,22 @@ Attempt ask(const Peer& peer, const OwnedProblem& problem, const std::string& fi
 
 Expected<Contestant> contestant_by_options(const std::string& flag, const std::string& text,
                                            const Options& base) {
-  const auto named = split(flag, text, "must be NAME or NAME: OPTION=VALUE ...");
-  if (!named) return unexpected(named.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto named, split(flag, text, "must be NAME or NAME: OPTION=VALUE ..."));
   Options options = base;
-  std::istringstream words(named->rest);
+  std::istringstream words(named.rest);
   for (std::string word; words >> word;) {
     const std::size_t equals = word.find('=');
     if (equals == std::string::npos) return unexpected(invalid(flag, word, "must be OPTION=VALUE"));
-    if (auto set = set_option_text(options, word.substr(0, equals), word.substr(equals + 1)); !set)
-      return unexpected(set.error());
+    MARBLE_RETURN_IF_ERROR(set_option_text(options, word.substr(0, equals), word.substr(equals + 1)));
   }
-  return Contestant{named->name, options};
+  return Contestant{named.name, options};
 }
 
 Expected<Contestant> contestant_by_command(const std::string& flag, const std::string& text) {
-  const auto named = split(flag, text, "must be NAME: COMMAND");
-  if (!named) return unexpected(named.error());
-  if (named->rest.find_first_not_of(' ') == std::string::npos)
+  MARBLE_ASSIGN_OR_RETURN(const auto named, split(flag, text, "must be NAME: COMMAND"));
+  if (named.rest.find_first_not_of(' ') == std::string::npos)
     return unexpected(invalid(flag, text, "must be NAME: COMMAND"));
-  return Contestant{named->name, Peer{named->rest}};
+  return Contestant{named.name, Peer{named.rest}};
 }
 
 Attempt attempt(const Contestant& contestant, const OwnedProblem& problem, const std::string& file,

@@ -69,15 +69,13 @@ Expected<std::vector<RetractionPair>> compare_retractions(const std::vector<Prob
   controls.stop = stop;
   std::vector<RetractionPair> pairs;
   for (const ProblemFile& file : problems) {
-    const auto problem = Problem::create(file.problem.view());
-    if (!problem) return unexpected(problem.error());
+    MARBLE_ASSIGN_OR_RETURN(const auto problem, Problem::create(file.problem.view()));
     RetractionPair pair{file.problem.name, {}, {}};
     for (const Retraction retraction : {Retraction::softplus, Retraction::exponential}) {
       Options by = options;
       by.retraction = retraction;
-      auto path = path_conditions(*problem, by, controls);
-      if (!path) return unexpected(std::move(path.error()));
-      (retraction == Retraction::softplus ? pair.softplus : pair.exponential) = std::move(*path);
+      MARBLE_ASSIGN_OR_RETURN(auto path, path_conditions(problem, by, controls));
+      (retraction == Retraction::softplus ? pair.softplus : pair.exponential) = std::move(path);
     }
     pairs.push_back(std::move(pair));
   }

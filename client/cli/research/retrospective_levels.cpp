@@ -107,10 +107,10 @@ Expected<std::vector<LevelOfSeeds>> levels_of_seeds(int seeds, int levels, nonli
       observed[k].steps.push_back(steps), observed[k].lcqps.push_back(lcqps);
       observed[k].gradients.push_back(gradients), observed[k].kkt.push_back(bt6.true_kkt(level.x));
     };
-    const auto answer =
-        nonlinear::solve_retrospective(bt6.sampled(), nonlinear::open_ticks_in_process, settings);
-    if (!answer) return unexpected(answer.error());
-    if (answer->answer.status == Status::cancelled)
+    MARBLE_ASSIGN_OR_RETURN(
+        const auto answer,
+        nonlinear::solve_retrospective(bt6.sampled(), nonlinear::open_ticks_in_process, settings));
+    if (answer.answer.status == Status::cancelled)
       return unexpected(failure(ErrorCode::cancelled, "interrupted: there is no table"));
   }
   for (std::size_t k = 0; k < made.size(); ++k) {

@@ -25,7 +25,7 @@ using Writer = grpc::ClientWriter<v1::SubmitArrayRequest>;
 constexpr Seconds kShortestPause(0.01);
 
 Expected<void> fill(const ArrayControls& controls, v1::ArraySetup* setup) {
-  if (auto valid = client::check_request_id(controls.request_id); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(client::check_request_id(controls.request_id));
   if (controls.base != nullptr) marble::to_message(controls.base->view(), setup->mutable_problem());
   setup->set_name(client::message_text(controls.name, contract::longest_problem_name));
   marble::to_message(controls.options, setup->mutable_options());
@@ -59,7 +59,7 @@ class ArrayMessages {
 
   Expected<void> set_up(const ArrayControls& controls) {
     v1::SubmitArrayRequest request;
-    if (auto filled = fill(controls, request.mutable_setup()); !filled) return filled;
+    MARBLE_RETURN_IF_ERROR(fill(controls, request.mutable_setup()));
     keep(std::move(request));
     (void)rewind();
     return {};
@@ -113,9 +113,8 @@ class ArrayMessages {
 // Writes until the messages end or the server stops reading; its status then has the reason.
 Expected<void> write(Writer& writer, ArrayMessages& messages) {
   while (true) {
-    const auto message = messages.next();
-    if (!message) return unexpected(message.error());
-    if (*message == nullptr || !writer.Write(**message)) break;
+    MARBLE_ASSIGN_OR_RETURN(const auto message, messages.next());
+    if (message == nullptr || !writer.Write(*message)) break;
   }
   writer.WritesDone();
   return {};
@@ -141,16 +140,16 @@ ArrayAnswer answer_of(const v1::ArrayResultsResponse& response) {
 
 Expected<SubmittedArray> Jobs::submit_array(const ArraySource& source, const ArrayControls& controls) const
     try {
-  if (auto server = client::has_server(connection_.get()); !server) return unexpected(server.error());
-  auto wait = client::QueueWait::create(controls.queue_wait, connection_->deadline_of(controls.deadline),
-                                        controls.stop, controls.waiting);
-  if (!wait) return unexpected(wait.error());
+  MARBLE_RETURN_IF_ERROR(client::has_server(connection_.get()));
+  MARBLE_ASSIGN_OR_RETURN(
+      auto wait, client::QueueWait::create(controls.queue_wait, connection_->deadline_of(controls.deadline),
+                                           controls.stop, controls.waiting));
   ArrayMessages messages(source, controls);
-  if (auto set_up = messages.set_up(controls); !set_up) return unexpected(set_up.error());
+  MARBLE_RETURN_IF_ERROR(messages.set_up(controls));
   Patience patience(std::nullopt, connection_->reached());
   while (true) {
     grpc::ClientContext context;
-    connection_->prepare(context, wait->left());
+    connection_->prepare(context, wait.left());
     const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
     v1::SubmitArrayResponse response;
     const auto writer = connection_->jobs().SubmitArray(&context, &response);
@@ -162,13 +161,13 @@ Expected<SubmittedArray> Jobs::submit_array(const ArraySource& source, const Arr
       connection_->note_reached();
       return SubmittedArray{response.job_id(), response.elements()};
     }
-    if (!messages.rewind()) return unexpected(wait->error(status));
+    if (!messages.rewind()) return unexpected(wait.error(status));
     if (const auto pause = pause_after(status, patience)) {
-      const auto left = wait->left();
+      const auto left = wait.left();
       if ((left && *pause >= *left) || connection_->pause(*pause, controls.stop))
-        return unexpected(wait->error(status));
-    } else if (!wait->pause(status)) {
-      return unexpected(wait->error(status));
+        return unexpected(wait.error(status));
+    } else if (!wait.pause(status)) {
+      return unexpected(wait.error(status));
     }
   }
 } catch (const std::bad_alloc&) {
@@ -178,7 +177,7 @@ Expected<SubmittedArray> Jobs::submit_array(const ArraySource& source, const Arr
 // Makes a lost connection again; a result begins the wait for the server anew.
 Expected<void> Jobs::array(const std::string& job_id, const ArraySink& sink,
                            const ArrayReading& reading) const try {
-  if (auto server = client::has_server(connection_.get()); !server) return unexpected(server.error());
+  MARBLE_RETURN_IF_ERROR(client::has_server(connection_.get()));
   std::int64_t after = reading.after;
   Patience patience(std::nullopt, connection_->reached());
   while (true) {

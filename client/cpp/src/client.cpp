@@ -16,9 +16,8 @@ namespace marble {
 
 Expected<Client> Client::connect(const std::string& address, const ConnectOptions& options) {
   if (address == contract::local_address) return in_process();
-  auto connection = client::Connection::open(address, options);
-  if (!connection) return unexpected(connection.error());
-  return Client(client::remote_transport(std::move(*connection)));
+  MARBLE_ASSIGN_OR_RETURN(auto connection, client::Connection::open(address, options));
+  return Client(client::remote_transport(std::move(connection)));
 }
 
 Client Client::in_process() { return Client(client::local_transport()); }
@@ -50,7 +49,7 @@ Expected<RemoteScenarios> Client::solve_scenarios(ScenarioProblem problem, const
                                                   const ScenarioSettings& settings,
                                                   const SolveControls& controls,
                                                   const CallControls& call) const {
-  if (auto set = set_scenarios(problem, sampler); !set) return unexpected(set.error());
+  MARBLE_RETURN_IF_ERROR(set_scenarios(problem, sampler));
   return or_out_of_memory(
       [&] { return transport_->solve_scenarios(problem, &sampler, settings, controls, call); });
 }
@@ -75,9 +74,8 @@ Expected<Session> Client::open_session(const ProblemView& problem, const Options
   return or_out_of_memory([&]() -> Expected<Session> {
     if (const double grace_s = session.answer_grace.count(); !(grace_s >= 0.0 && grace_s <= 3600.0))
       return unexpected(invalid("answer_grace", std::to_string(grace_s), "must be in [0, 3600] seconds"));
-    auto state = transport_->open_session(problem, options, session);
-    if (!state) return unexpected(state.error());
-    return Session(std::move(*state));
+    MARBLE_ASSIGN_OR_RETURN(auto state, transport_->open_session(problem, options, session));
+    return Session(std::move(state));
   });
 }
 
@@ -112,9 +110,8 @@ class EnvironmentClient {
     const ConnectOptions options = ConnectOptions::from_environment();
     const MutexLock lock(mutex_);
     if (client_ != nullptr && address == address_ && options == options_) return client_;
-    auto connected = Client::connect(address, options);
-    if (!connected) return unexpected(connected.error());
-    client_ = std::make_shared<const Client>(std::move(*connected));
+    MARBLE_ASSIGN_OR_RETURN(auto connected, Client::connect(address, options));
+    client_ = std::make_shared<const Client>(std::move(connected));
     address_ = address;
     options_ = options;
     return client_;
@@ -132,9 +129,8 @@ class EnvironmentClient {
 Expected<RemoteSolution> solve(const ProblemView& problem, const Options& options,
                                const SolveControls& controls, const CallControls& call) {
   static EnvironmentClient environment;
-  const auto client = environment.get();
-  if (!client) return unexpected(client.error());
-  return (*client)->solve(problem, options, controls, call);
+  MARBLE_ASSIGN_OR_RETURN(const auto client, environment.get());
+  return client->solve(problem, options, controls, call);
 }
 
 PendingSolution::PendingSolution(std::unique_ptr<State> state) : state_(std::move(state)) {}

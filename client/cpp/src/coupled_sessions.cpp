@@ -104,10 +104,9 @@ class BlockSession final : public BlockSolver {
   [[nodiscard]] Expected<Solution> tick(const ProblemUpdate& update) {
     UpdateControls controls;
     if (servers_.options.time_limit_s < kForever_s) controls.options = servers_.left();
-    auto answer = session_->solve(update, controls);
-    if (!answer) return unexpected(std::move(answer.error()));
-    if (is_solved(answer->status)) newest_ = answer->z;
-    return Solution(*std::move(answer));
+    MARBLE_ASSIGN_OR_RETURN(auto answer, session_->solve(update, controls));
+    if (is_solved(answer.status)) newest_ = answer.z;
+    return Solution(std::move(answer));
   }
 
   [[nodiscard]] Expected<Solution> alone(const Solution* start) {
@@ -151,9 +150,8 @@ Expected<Answer> by_sessions(const Client& any, std::vector<Client> each, const 
     };
     if (own.runner == nullptr) own.runner = &threads;
   }
-  auto solved = solve(own);
-  if (!solved) return unexpected(std::move(solved.error()));
-  Answer answer{*std::move(solved), {}, servers.repeated.load()};
+  MARBLE_ASSIGN_OR_RETURN(auto solved, solve(own));
+  Answer answer{std::move(solved), {}, servers.repeated.load()};
   if ((answer.*end).status == Status::cancelled) return unexpected(given_up());
   return answer;
 }
@@ -165,9 +163,8 @@ Expected<std::vector<Client>> Client::each() const {
   std::vector<Client> result;
   const std::shared_ptr<const client::Connection> all = transport_->connection();
   if (all == nullptr) return result;
-  auto connections = client::Connection::each(all);
-  if (!connections) return unexpected(connections.error());
-  for (auto& connection : *connections)
+  MARBLE_ASSIGN_OR_RETURN(auto connections, client::Connection::each(all));
+  for (auto& connection : connections)
     result.push_back(Client(client::remote_transport(std::move(connection))));
   return result;
 }
@@ -177,10 +174,9 @@ Expected<RemoteCoupledSolution> Client::solve_coupled_by_sessions(const CoupledV
                                                                   const CoupledControls& controls,
                                                                   const BlockSessions& sessions) const {
   return or_out_of_memory([&]() -> Expected<RemoteCoupledSolution> {
-    auto servers = each();
-    if (!servers) return unexpected(servers.error());
+    MARBLE_ASSIGN_OR_RETURN(auto servers, each());
     return client::by_sessions<RemoteCoupledSolution, &RemoteCoupledSolution::monolithic>(
-        *this, *std::move(servers), options.options, controls, sessions,
+        *this, std::move(servers), options.options, controls, sessions,
         [&](const CoupledControls& own) { return marble::solve_coupled(view, options, own); });
   });
 }
@@ -189,10 +185,9 @@ Expected<RemoteSegmentsSolution> Client::solve_in_segments_by_sessions(
     const Problem& problem, std::span<const Index> stage_of_variable, const SegmentsOptions& options,
     const CoupledControls& controls, const BlockSessions& sessions) const {
   return or_out_of_memory([&]() -> Expected<RemoteSegmentsSolution> {
-    auto servers = each();
-    if (!servers) return unexpected(servers.error());
+    MARBLE_ASSIGN_OR_RETURN(auto servers, each());
     return client::by_sessions<RemoteSegmentsSolution, &RemoteSegmentsSolution::whole>(
-        *this, *std::move(servers), options.coupled.options, controls, sessions,
+        *this, std::move(servers), options.coupled.options, controls, sessions,
         [&](const CoupledControls& own) {
           return marble::solve_in_segments(problem, stage_of_variable, options, own);
         });

@@ -22,13 +22,12 @@ using client::has_server;
 Expected<SubmittedJob> send(const client::Connection& connection, v1::SolveRequest request,
                             const std::stop_token& stop, const CallControls& call) {
   if (request.request_id().empty()) request.set_request_id(client::random_request_id());
-  auto wait =
-      client::QueueWait::create(call.queue_wait, connection.deadline_of(call.deadline), stop, call.waiting);
-  if (!wait) return unexpected(wait.error());
+  MARBLE_ASSIGN_OR_RETURN(
+      auto wait,
+      client::QueueWait::create(call.queue_wait, connection.deadline_of(call.deadline), stop, call.waiting));
   while (true) {
     grpc::ClientContext context;
-    if (auto ready = connection.prepare(context, call.traceparent, wait->left()); !ready)
-      return unexpected(ready.error());
+    MARBLE_RETURN_IF_ERROR(connection.prepare(context, call.traceparent, wait.left()));
     const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
     v1::SubmitResponse response;
     const grpc::Status status = connection.jobs().Submit(&context, request, &response);
@@ -36,7 +35,7 @@ Expected<SubmittedJob> send(const client::Connection& connection, v1::SolveReque
       return SubmittedJob{response.job_id(), response.queue_position(), response.estimated_wait_s(),
                           client::returned_traceparent(context)};
     }
-    if (!wait->pause(status)) return unexpected(wait->error(status));
+    if (!wait.pause(status)) return unexpected(wait.error(status));
   }
 }
 
@@ -51,7 +50,7 @@ Expected<SubmittedJob> send_coupled(const client::Connection& connection,
 
 Expected<v1::SolveResponse> response_of(const client::Connection* connection, const std::string& job_id,
                                         const ResultControls& controls) {
-  if (auto server = has_server(connection); !server) return unexpected(server.error());
+  MARBLE_RETURN_IF_ERROR(has_server(connection));
   grpc::ClientContext context;
   connection->prepare(context, connection->deadline_of(controls.deadline));
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
@@ -68,12 +67,12 @@ Expected<v1::SolveResponse> response_of(const client::Connection* connection, co
 
 Expected<SubmittedJob> Jobs::submit(const ProblemView& problem, const Options& options,
                                     const SolveControls& controls, const CallControls& call) const try {
-  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
+  MARBLE_RETURN_IF_ERROR(has_server(connection_.get()));
   v1::SolveRequest request;
   const client::RequestParts parts{
       problem,         options,           controls.initial_z, controls.warm_start, controls.sensitivity,
       call.request_id, call.problem_name, call.priority};
-  if (auto filled = client::fill_request(parts, &request); !filled) return unexpected(filled.error());
+  MARBLE_RETURN_IF_ERROR(client::fill_request(parts, &request));
   return send(*connection_, std::move(request), controls.stop, call);
 } catch (const std::bad_alloc&) {
   return unexpected(out_of_memory());
@@ -81,17 +80,16 @@ Expected<SubmittedJob> Jobs::submit(const ProblemView& problem, const Options& o
 
 Expected<SubmittedJob> Jobs::submit(const ScenarioProblem& problem, const ScenarioSettings& settings,
                                     const SolveControls& controls, const CallControls& call) const try {
-  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
-  auto request = client::make_request(problem, nullptr, settings, call);
-  if (!request) return unexpected(request.error());
-  return send(*connection_, std::move(*request->mutable_solve()), controls.stop, call);
+  MARBLE_RETURN_IF_ERROR(has_server(connection_.get()));
+  MARBLE_ASSIGN_OR_RETURN(auto request, client::make_request(problem, nullptr, settings, call));
+  return send(*connection_, std::move(*request.mutable_solve()), controls.stop, call);
 } catch (const std::bad_alloc&) {
   return unexpected(out_of_memory());
 }
 
 Expected<SubmittedJob> Jobs::submit(const CoupledView& view, const CoupledOptions& options,
                                     const CoupledControls& controls, const CallControls& call) const try {
-  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
+  MARBLE_RETURN_IF_ERROR(has_server(connection_.get()));
   return send_coupled(*connection_, client::make_request(view, options, controls, call), controls.stop, call);
 } catch (const std::bad_alloc&) {
   return unexpected(out_of_memory());
@@ -102,7 +100,7 @@ Expected<SubmittedJob> Jobs::submit_in_segments(const Problem& problem,
                                                 const SegmentsOptions& options,
                                                 const CoupledControls& controls,
                                                 const CallControls& call) const try {
-  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
+  MARBLE_RETURN_IF_ERROR(has_server(connection_.get()));
   return send_coupled(*connection_, client::make_request(problem, stage_of_variable, options, call),
                       controls.stop, call);
 } catch (const std::bad_alloc&) {
@@ -110,42 +108,38 @@ Expected<SubmittedJob> Jobs::submit_in_segments(const Problem& problem,
 }
 
 Expected<RemoteSolution> Jobs::result(const std::string& job_id, const ResultControls& controls) const try {
-  const auto response = response_of(connection_.get(), job_id, controls);
-  if (!response) return unexpected(response.error());
-  return client::remote_solution(*response);
+  MARBLE_ASSIGN_OR_RETURN(const auto response, response_of(connection_.get(), job_id, controls));
+  return client::remote_solution(response);
 } catch (const std::bad_alloc&) {
   return unexpected(out_of_memory());
 }
 
 Expected<RemoteScenarios> Jobs::scenarios(const std::string& job_id, const ResultControls& controls) const
     try {
-  const auto response = response_of(connection_.get(), job_id, controls);
-  if (!response) return unexpected(response.error());
-  return client::remote_scenarios(*response);
+  MARBLE_ASSIGN_OR_RETURN(const auto response, response_of(connection_.get(), job_id, controls));
+  return client::remote_scenarios(response);
 } catch (const std::bad_alloc&) {
   return unexpected(out_of_memory());
 }
 
 Expected<RemoteCoupledSolution> Jobs::coupled(const std::string& job_id, const CoupledView& view,
                                               const ResultControls& controls) const try {
-  const auto response = response_of(connection_.get(), job_id, controls);
-  if (!response) return unexpected(response.error());
-  return client::remote_coupled(*response, view);
+  MARBLE_ASSIGN_OR_RETURN(const auto response, response_of(connection_.get(), job_id, controls));
+  return client::remote_coupled(response, view);
 } catch (const std::bad_alloc&) {
   return unexpected(out_of_memory());
 }
 
 Expected<RemoteSegmentsSolution> Jobs::segments(const std::string& job_id,
                                                 const ResultControls& controls) const try {
-  const auto response = response_of(connection_.get(), job_id, controls);
-  if (!response) return unexpected(response.error());
-  return client::remote_segments(*response);
+  MARBLE_ASSIGN_OR_RETURN(const auto response, response_of(connection_.get(), job_id, controls));
+  return client::remote_segments(response);
 } catch (const std::bad_alloc&) {
   return unexpected(out_of_memory());
 }
 
 Expected<JobBundle> Jobs::bundle(const std::string& job_id, const std::stop_token& stop) const try {
-  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
+  MARBLE_RETURN_IF_ERROR(has_server(connection_.get()));
   grpc::ClientContext context;
   connection_->prepare(context);
   const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
@@ -167,7 +161,7 @@ Expected<JobBundle> Jobs::bundle(const std::string& job_id, const std::stop_toke
 }
 
 Expected<void> Jobs::remove(const std::string& job_id) const {
-  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
+  MARBLE_RETURN_IF_ERROR(has_server(connection_.get()));
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
   v1::DeleteJobRequest request;
@@ -179,7 +173,7 @@ Expected<void> Jobs::remove(const std::string& job_id) const {
 }
 
 Expected<JobPage> Jobs::list(const JobQuery& query, const std::stop_token& stop) const {
-  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
+  MARBLE_RETURN_IF_ERROR(has_server(connection_.get()));
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
   const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
@@ -197,7 +191,7 @@ Expected<JobPage> Jobs::list(const JobQuery& query, const std::stop_token& stop)
 }
 
 Expected<JobDetails> Jobs::get(const std::string& job_id) const {
-  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
+  MARBLE_RETURN_IF_ERROR(has_server(connection_.get()));
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
   v1::GetJobRequest request;
@@ -206,15 +200,14 @@ Expected<JobDetails> Jobs::get(const std::string& job_id) const {
   const grpc::Status status = connection_->jobs().Get(&context, request, &response);
   if (!status.ok()) return unexpected(client::to_error(status));
   connection_->note_reached();
-  auto options = options_of(response.options());
-  if (!options) return unexpected(options.error());
-  JobDetails details{client::job_info(response.job()), *options, client::job_trace(response.trace())};
+  MARBLE_ASSIGN_OR_RETURN(auto options, options_of(response.options()));
+  JobDetails details{client::job_info(response.job()), options, client::job_trace(response.trace())};
   if (response.has_infeasibility()) details.infeasibility = client::infeasibility(response.infeasibility());
   return details;
 }
 
 Expected<JobInfo> Jobs::cancel(const std::string& job_id) const {
-  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
+  MARBLE_RETURN_IF_ERROR(has_server(connection_.get()));
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
   v1::CancelJobRequest request;
@@ -227,7 +220,7 @@ Expected<JobInfo> Jobs::cancel(const std::string& job_id) const {
 
 Expected<void> Jobs::watch(const std::string& job_id, const std::function<void(const JobEvent&)>& happened,
                            const WatchControls& controls) const {
-  if (auto server = has_server(connection_.get()); !server) return unexpected(server.error());
+  MARBLE_RETURN_IF_ERROR(has_server(connection_.get()));
   grpc::ClientContext context;
   connection_->prepare(context);
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });

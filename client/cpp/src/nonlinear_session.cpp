@@ -15,15 +15,13 @@ class SessionTicks final : public Ticks {
   explicit SessionTicks(Session session) : session_(std::move(session)) {}
 
   Expected<Solution> solve(const ProblemUpdate& update, const TickControls& controls) override {
-    auto answer = session_.solve(update, of_session(controls));
-    if (!answer) return unexpected(std::move(answer.error()));
-    reopened_ += answer->reopened ? 1 : 0;
-    return Solution(std::move(*answer));
+    MARBLE_ASSIGN_OR_RETURN(auto answer, session_.solve(update, of_session(controls)));
+    reopened_ += answer.reopened ? 1 : 0;
+    return Solution(std::move(answer));
   }
 
   Expected<bool> prepare(const ProblemUpdate& update, const TickControls& controls) override {
-    auto prepared = session_.prepare(update, of_session(controls));
-    if (!prepared) return unexpected(std::move(prepared.error()));
+    MARBLE_RETURN_IF_ERROR(session_.prepare(update, of_session(controls)));
     return true;
   }
 
@@ -47,9 +45,8 @@ OpenTicks sessions_of(const Client& client) {
   return [&client](const ProblemView& view, const Settings& of) -> Expected<std::unique_ptr<Ticks>> {
     SessionOptions wanted;
     wanted.progress = of.progress != nullptr, wanted.stop = of.stop, wanted.reopen = of.reopen;
-    auto session = client.open_session(view, of.lcqp, wanted);
-    if (!session) return unexpected(std::move(session.error()));
-    return std::make_unique<SessionTicks>(std::move(*session));
+    MARBLE_ASSIGN_OR_RETURN(auto session, client.open_session(view, of.lcqp, wanted));
+    return std::make_unique<SessionTicks>(std::move(session));
   };
 }
 

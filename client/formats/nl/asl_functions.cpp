@@ -155,11 +155,10 @@ struct AslFunctions::Library {
 };
 
 Expected<void> AslFunctions::Library::read(const std::string& content) {
-  auto file = TemporaryFile::of(content);
-  if (!file) return unexpected(file.error());
+  MARBLE_ASSIGN_OR_RETURN(auto file, TemporaryFile::of(content));
   const KeptFloatingPoint kept;
-  if (auto done = first.read(file->stub(), ASL_read_fg); !done) return done;
-  if (auto done = second.read(file->stub(), ASL_read_pfgh); !done) return done;
+  MARBLE_RETURN_IF_ERROR(first.read(file.stub(), ASL_read_fg));
+  MARBLE_RETURN_IF_ERROR(second.read(file.stub(), ASL_read_pfgh));
   n = first.columns(), m = first.rows();
   rows.resize(m), y.resize(m);
   take_jacobian();
@@ -210,7 +209,7 @@ AslFunctions::~AslFunctions() = default;
 
 Expected<AslFunctions> AslFunctions::open(const std::string& content) {
   auto library = std::make_unique<Library>();
-  if (auto read = library->read(content); !read) return unexpected(read.error());
+  MARBLE_RETURN_IF_ERROR(library->read(content));
   return AslFunctions(std::move(library));
 }
 

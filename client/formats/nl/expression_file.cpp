@@ -145,7 +145,7 @@ class Rewriter final : NlSegments {
       : NlSegments(content, names, "a smooth model"), most_(most_numbers(content.size())) {}
 
   Expected<ExpressionFile> read() {
-    if (const auto read = read_segments(); !read) return unexpected(read.error());
+    MARBLE_RETURN_IF_ERROR(read_segments());
     if (header_.variables == 0) return unexpected(invalid("header", "0 variables", "must be one at least"));
     rows_.resize(at(header_.constraints));
     model_.row_bounds.resize(rows_.size() + lifted_.size(), NlBounds{0.0, 0.0});

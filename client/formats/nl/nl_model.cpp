@@ -19,10 +19,8 @@ class Assembly {
       parts_.add_quadratic(pair.first, pair.second, pair.first == pair.second ? 2.0 * value : value);
       if (pair.first != pair.second) parts_.add_quadratic(pair.second, pair.first, value);
     }
-    if (const auto added = add_rows(); !added) return unexpected(added.error());
-    auto assembled = parts_.finish(name);
-    if (!assembled) return unexpected(assembled.error());
-    made_.file.problem = std::move(*assembled);
+    MARBLE_RETURN_IF_ERROR(add_rows());
+    MARBLE_ASSIGN_OR_RETURN(made_.file.problem, parts_.finish(name));
     made_.file.maximize = model_.maximize;
     made_.initial_duals = std::move(model_.duals);
     take_initial_point();

@@ -287,19 +287,17 @@ Expected<void> check_start(const ExpressionFile& file, AslFunctions& functions, 
 
 Expected<NlNonlinear> parse_nonlinear_nl(std::string_view content, const std::string& name,
                                          const NlNames& names) {
-  auto file = read_expressions(content, names);
-  if (!file) return unexpected(file.error());
-  auto functions = AslFunctions::open(file->content);
-  if (!functions) return unexpected(functions.error());
-  const std::size_t m = file->model.row_bounds.size();
+  MARBLE_ASSIGN_OR_RETURN(auto file, read_expressions(content, names));
+  MARBLE_ASSIGN_OR_RETURN(auto functions, AslFunctions::open(file.content));
+  const std::size_t m = file.model.row_bounds.size();
   std::vector<double> start, rows(m);
   Expected<void> begins;
   for (const bool off : {false, true}) {
-    auto from = start_of(*file, *functions, off);
+    auto from = start_of(file, functions, off);
     if (!from) break;
     start = std::move(*from);
-    functions->rows(start, rows);
-    const auto there = check_start(*file, *functions, start, rows, names);
+    functions.rows(start, rows);
+    const auto there = check_start(file, functions, start, rows, names);
     if (!off || there) begins = there;  // keeps the first point's error
     if (begins) break;
   }
@@ -308,19 +306,18 @@ Expected<NlNonlinear> parse_nonlinear_nl(std::string_view content, const std::st
   std::vector<double> beside = start;  // where fewer entries are zero
   for (std::size_t j = 0; j < n; ++j) beside[j] += 0.01 * (1.0 + static_cast<double>(j % 3));
   const bool trusted =
-      second_derivatives_agree(*functions, start, m) && second_derivatives_agree(*functions, beside, m);
+      second_derivatives_agree(functions, start, m) && second_derivatives_agree(functions, beside, m);
   start.insert(start.end(), rows.begin(), rows.end());
-  file->model.initial = std::move(start);
-  file->model.bounds_apart = true;
-  auto linear = as_lcqp(std::move(file->model), name, names);
-  if (!linear) return unexpected(linear.error());
+  file.model.initial = std::move(start);
+  file.model.bounds_apart = true;
+  MARBLE_ASSIGN_OR_RETURN(auto linear, as_lcqp(std::move(file.model), name, names));
 
   NlNonlinear made;
-  made.variables = file->header.variables, made.constraints = file->header.constraints;
-  made.name = name, made.names = names, made.maximize = linear->file.maximize;
-  made.row_duals = std::move(linear->row_duals), made.reduced_costs = std::move(linear->reduced_costs);
+  made.variables = file.header.variables, made.constraints = file.header.constraints;
+  made.name = name, made.names = names, made.maximize = linear.file.maximize;
+  made.row_duals = std::move(linear.row_duals), made.reduced_costs = std::move(linear.reduced_costs);
   std::erase_if(made.row_duals, [&](const DualTerm& term) { return term.of >= made.constraints; });
-  OwnedProblem& blocks = linear->file.problem;
+  OwnedProblem& blocks = linear.file.problem;
   made.equalities = blocks.b.size(), made.inequalities = blocks.d.size(), made.pairs = blocks.l.size();
   made.problem.start = std::move(blocks.initial_z);
   const auto first_row = made.problem.start.begin() + static_cast<std::ptrdiff_t>(n);
@@ -328,9 +325,9 @@ Expected<NlNonlinear> parse_nonlinear_nl(std::string_view content, const std::st
   made.problem.lower.assign(made.problem.start.size(), -kInfinity);
   made.problem.upper.assign(made.problem.start.size(), kInfinity);
   for (std::size_t j = 0; j < n; ++j)
-    std::tie(made.problem.lower[j], made.problem.upper[j]) = linear->bounds[j];
-  const auto all = std::make_shared<FileFunctions>(std::move(*functions), std::move(blocks), n, m,
-                                                   made.sign(), made.problem.start);
+    std::tie(made.problem.lower[j], made.problem.upper[j]) = linear.bounds[j];
+  const auto all = std::make_shared<FileFunctions>(std::move(functions), std::move(blocks), n, m, made.sign(),
+                                                   made.problem.start);
   made.problem.values = [all](std::span<const double> x) { return all->values(x); };
   made.problem.derivatives = [all](std::span<const double> x) { return all->derivatives(x); };
   if (!trusted) return made;

@@ -30,7 +30,7 @@ class NlReader final : NlSegments {
       : NlSegments(content, names, "an LCQP"), most_terms_(most_numbers(content.size())) {}
 
   Expected<NlProblem> read(const std::string& name) {
-    if (const auto read = read_segments(); !read) return unexpected(read.error());
+    MARBLE_RETURN_IF_ERROR(read_segments());
     return as_lcqp(std::move(model_), name, names_);
   }
 
@@ -191,9 +191,8 @@ Expected<NlProblem> parse_nl_problem(std::string_view content, const std::string
 }
 
 Expected<ProblemFile> parse_nl(std::string_view content, const std::string& name, const NlNames& names) {
-  auto problem = parse_nl_problem(content, name, names);
-  if (!problem) return unexpected(problem.error());
-  return std::move(problem->file);
+  MARBLE_ASSIGN_OR_RETURN(auto problem, parse_nl_problem(content, name, names));
+  return std::move(problem.file);
 }
 
 }  // namespace marble::formats

@@ -57,7 +57,7 @@ class Warm {
     auto answer = run(
         wanted.options, call,
         [&](const Options& limited, const SolveControls& controls, Reporter&) -> Expected<Solution> {
-          if (auto set = solver_->set_options(limited); !set) return unexpected(set.error());
+          MARBLE_RETURN_IF_ERROR(solver_->set_options(limited));
           return solver_->solve(wanted.update, wanted.restart, controls);
         },
         Late::is_answer);
@@ -73,7 +73,7 @@ class Warm {
     {
       const py::gil_scoped_release no_gil;
       prepared = or_out_of_memory([&]() -> Expected<void> {
-        if (auto set = solver_->set_options(wanted.options); !set) return set;
+        MARBLE_RETURN_IF_ERROR(solver_->set_options(wanted.options));
         return solver_->prepare(wanted.update, wanted.restart);
       });
     }

@@ -89,9 +89,8 @@ class CalledTicks final : public nonlinear::Ticks {
 
 Expected<std::unique_ptr<nonlinear::Ticks>> open_here(const ProblemView& view,
                                                       const nonlinear::Settings& settings) {
-  auto ticks = nonlinear::open_ticks_in_process(view, settings);
-  if (!ticks) return unexpected(std::move(ticks.error()));
-  return std::make_unique<ReleasedTicks>(std::move(*ticks));
+  MARBLE_ASSIGN_OR_RETURN(auto ticks, nonlinear::open_ticks_in_process(view, settings));
+  return std::make_unique<ReleasedTicks>(std::move(ticks));
 }
 
 /// Calls Python functions, and keeps their last results.

@@ -6,6 +6,7 @@
 #include <string>
 #include <string_view>
 #include <tl/expected.hpp>
+#include <utility>
 
 namespace marble {
 
@@ -35,6 +36,28 @@ struct Error {
 template <class T>
 using Expected = tl::expected<T, Error>;
 using tl::unexpected;
+
+/// `MARBLE_RETURN_IF_ERROR(expression);` returns from the caller with the error of the Expected that the
+/// expression yields, if it has one, and otherwise drops its value. The caller returns an Expected or
+/// `unexpected`.
+#define MARBLE_RETURN_IF_ERROR(...)                                                              \
+  do {                                                                                           \
+    if (auto&& marble_result = __VA_ARGS__; !marble_result)                                      \
+      return ::marble::unexpected(std::forward<decltype(marble_result)>(marble_result).error()); \
+  } while (false)
+
+/// `MARBLE_ASSIGN_OR_RETURN(declaration, expression);` returns from the caller with the expression's error if
+/// there is one, and otherwise initializes what is declared with the value: `MARBLE_ASSIGN_OR_RETURN(const
+/// auto problem, read(path));`. The value of a temporary is moved, that of a variable copied; after std::move
+/// it is moved. These are several statements: in a body of if or for, use braces.
+#define MARBLE_ASSIGN_OR_RETURN(declaration, ...) \
+  MARBLE_ASSIGN_OR_RETURN_AS_(MARBLE_CONCATENATE_(marble_result_, __LINE__), declaration, __VA_ARGS__)
+#define MARBLE_ASSIGN_OR_RETURN_AS_(result, declaration, ...)                               \
+  auto&& result = __VA_ARGS__;                                                              \
+  if (!result) return ::marble::unexpected(std::forward<decltype(result)>(result).error()); \
+  declaration = *std::forward<decltype(result)>(result)
+#define MARBLE_CONCATENATE_(left, right) MARBLE_JOIN_(left, right)
+#define MARBLE_JOIN_(left, right) left##right
 
 /// Returns an error without a field: of a call, a connection, a whole file.
 [[nodiscard]] Error failure(ErrorCode code, std::string bound);

@@ -91,13 +91,13 @@ BranchDerivatives::BranchDerivatives(ScaledProblem& problem, const PartSizes& si
 
 Expected<void> BranchDerivatives::factor(Run& run) {
   if (point_.factor(run, tuning::exact_rho, tuning::exact_delta)) return {};
-  if (auto over = unless_over(run); !over) return over;
+  MARBLE_RETURN_IF_ERROR(unless_over(run));
   return unexpected(no_branch("lies where its branch is not convex"));
 }
 
 // Restores the factor, which another engine or another Q may have replaced. Fails if the run is over.
 Expected<void> BranchDerivatives::make_ready(Run& run) {
-  if (auto over = unless_over(run); !over) return over;
+  MARBLE_RETURN_IF_ERROR(unless_over(run));
   return point_.has_factor(tuning::exact_rho, tuning::exact_delta) ? Expected<void>() : factor(run);
 }
 
@@ -119,11 +119,11 @@ Expected<void> BranchDerivatives::begin(Run& run, const Iterate& solution, bool 
   point_.start_from_solution(solution);
   hold_wrong_signs(solution);
   if (!may_reuse_factor || !point_.has_factor(tuning::exact_rho, tuning::exact_delta)) {
-    if (auto factored = factor(run); !factored) return factored;
+    MARBLE_RETURN_IF_ERROR(factor(run));
   }
   if (!point_.sharpen(tuning::rounding) ||
       point_.error() > tuning::exactness * (1.0 + max_abs(point_.x.all))) {
-    if (auto over = unless_over(run); !over) return over;
+    MARBLE_RETURN_IF_ERROR(unless_over(run));
     return unexpected(no_branch("is no exact solution of a branch"));
   }
   memory_.forget_branch();
@@ -269,7 +269,7 @@ void BranchDerivatives::find_changes(const ProblemUpdate& by, const Batch<T>& ba
 }
 
 Expected<AnswerChanges> BranchDerivatives::along(Run& run, const DirectionsRequest& directions) {
-  if (auto ready = make_ready(run); !ready) return unexpected(ready.error());
+  MARBLE_RETURN_IF_ERROR(make_ready(run));
   const std::size_t count = at(directions.count);
   AnswerChanges changes{Numbers(count * sizes_.g),
                         Numbers(count * sizes_.b),
@@ -368,7 +368,7 @@ void BranchDerivatives::find_gradients(const AnswerWeights& weights, const Batch
 }
 
 Expected<ProblemGradients> BranchDerivatives::gradients(Run& run, const LossesRequest& losses) {
-  if (auto ready = make_ready(run); !ready) return unexpected(ready.error());
+  MARBLE_RETURN_IF_ERROR(make_ready(run));
   ProblemGradients gradients;
 #define MARBLE_VECTOR(letter, field) gradients.letter.resize(at(losses.count) * sizes_.letter);
 #define MARBLE_MATRIX(letter, field, values, vector) \
@@ -384,12 +384,12 @@ Expected<ProblemGradients> BranchDerivatives::gradients(Run& run, const LossesRe
 
 Expected<RowResponse> BranchDerivatives::rows(Run& run, const RowsRequest& request) {
   if (request.proximal.empty()) {
-    if (auto ready = make_ready(run); !ready) return unexpected(ready.error());
+    MARBLE_RETURN_IF_ERROR(make_ready(run));
     return respond(run, request);
   }
   WithoutDiagonal without(problem_, point_, memory_);
-  if (auto taken = without.take(request.proximal); !taken) return unexpected(taken.error());
-  if (auto factored = factor(run); !factored) return unexpected(factored.error());
+  MARBLE_RETURN_IF_ERROR(without.take(request.proximal));
+  MARBLE_RETURN_IF_ERROR(factor(run));
   return respond(run, request);
 }
 
@@ -457,7 +457,7 @@ Expected<RowResponse> BranchDerivatives::respond(Run& run, const RowsRequest& re
   const bool found = in_batches(m, [&](const auto& batch) {
     return unless_over(run).has_value() && find_response(e, batch, response);
   });
-  if (auto over = unless_over(run); !over) return unexpected(over.error());
+  MARBLE_RETURN_IF_ERROR(unless_over(run));
   if (!found) return unexpected(flat);
   for (const Numbers* part :
        {&response.values, &response.free, &response.response, &response.z, &response.columns}) {
@@ -473,14 +473,10 @@ Expected<SensitivityAnswer> BranchDerivatives::answer(Run& run, const Sensitivit
   SensitivityAnswer answer;
   answer.weak_inequalities = weak_inequalities_;
   answer.biactive_pairs = biactive_pairs_;
-  auto changes = along(run, request.directions);
-  if (!changes) return unexpected(changes.error());
-  answer.changes = *std::move(changes);
-  auto gradients = this->gradients(run, request.losses);
-  if (!gradients) return unexpected(gradients.error());
-  answer.gradients = *std::move(gradients);
+  MARBLE_ASSIGN_OR_RETURN(answer.changes, along(run, request.directions));
+  MARBLE_ASSIGN_OR_RETURN(answer.gradients, this->gradients(run, request.losses));
   if (request.rows) answer.rows = rows(run, *request.rows);
-  if (auto over = unless_over(run); !over) return unexpected(over.error());
+  MARBLE_RETURN_IF_ERROR(unless_over(run));
   return answer;
 }
 

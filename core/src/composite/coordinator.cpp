@@ -110,9 +110,7 @@ class Coordinator {
 // Solves all blocks once. Returns false if one failed.
 Expected<bool> Coordinator::tick() {
   state_.responses.reset();
-  auto answers = blocks_.tick(state_.asks);
-  if (!answers) return unexpected(answers.error());
-  state_.answers = *std::move(answers);
+  MARBLE_ASSIGN_OR_RETURN(state_.answers, blocks_.tick(state_.asks));
   std::vector<std::vector<double>> responses;
   for (BlockAnswer& answer : state_.answers) responses.push_back(std::move(answer.response));
   state_.responses = std::make_shared<const std::vector<std::vector<double>>>(std::move(responses));
@@ -129,16 +127,15 @@ Expected<Coordinator::End> Coordinator::iterate(int most, bool may_unblock) {
   State best;
   int since_best = 0;
   for (int i = 0; i < most; ++i) {
-    const auto solved = tick();
-    if (!solved) return unexpected(solved.error());
-    const bool agreed = *solved && measure();
+    MARBLE_ASSIGN_OR_RETURN(const auto solved, tick());
+    const bool agreed = solved && measure();
     if (controls_.activity != nullptr)
       controls_.activity->set_done(Phase::coupled, iterations_, options_.max_iterations);
-    if (*solved && controls_.progress) controls_.progress(state_.last);
+    if (solved && controls_.progress) controls_.progress(state_.last);
     if (agreed) return End::agreed;
-    const double apart = *solved ? std::max(state_.last.coupling_violation, state_.last.step / proximal_)
-                                 : std::numeric_limits<double>::infinity();
-    if (!*solved && before_) {
+    const double apart = solved ? std::max(state_.last.coupling_violation, state_.last.step / proximal_)
+                                : std::numeric_limits<double>::infinity();
+    if (!solved && before_) {
       block_again();
       continue;
     }
@@ -158,7 +155,7 @@ Expected<Coordinator::End> Coordinator::iterate(int most, bool may_unblock) {
       since_best = 0;
       continue;
     }
-    if (!*solved) return End::failed;
+    if (!solved) return End::failed;
     if (!agree()) return End::stopped;
     if (blocked_ && may_unblock && unblock()) {
       best = {}, best_apart = std::numeric_limits<double>::infinity();
@@ -213,18 +210,16 @@ Expected<bool> Coordinator::search() {
     return false;
   };
   for (BlockAsk& ask : state_.asks) ask.search = true;
-  const auto solved = tick();
-  if (!solved) return unexpected(solved.error());
-  if (!*solved) return back();
+  MARBLE_ASSIGN_OR_RETURN(const auto solved, tick());
+  if (!solved) return back();
   const bool stayed = measure();
   if (controls_.progress) controls_.progress(state_.last);
   if (stayed) return false;
   if (!agree()) return back();
-  const auto end = iterate(options_.freeze_after);
-  if (!end) return unexpected(end.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto end, iterate(options_.freeze_after));
   const double gain = agreed.last.objective - state_.last.objective;
   const double least = tuning::exactness * (1.0 + std::abs(agreed.last.objective));
-  if (*end != End::agreed || gain <= least) return back();
+  if (end != End::agreed || gain <= least) return back();
   return true;
 }
 
@@ -370,10 +365,9 @@ Expected<void> Coordinator::try_switches() {
     for (const auto& [block, pair] : undo) state_.asks[block].switched_pairs.push_back(pair);
     undo.clear();
     state_.asks[hardest->first].switched_pairs.push_back(hardest->second);
-    auto end = iterate(options_.freeze_after);
-    if (!end) return unexpected(end.error());
+    MARBLE_ASSIGN_OR_RETURN(auto end, iterate(options_.freeze_after));
     const double gain = before.last.objective - state_.last.objective;
-    if (*end == End::agreed && gain > tuning::exactness * (1.0 + std::abs(before.last.objective))) {
+    if (end == End::agreed && gain > tuning::exactness * (1.0 + std::abs(before.last.objective))) {
       ++result_.pair_switches;
       tried.clear();
       continue;
@@ -401,9 +395,8 @@ Expected<Coordination> Coordinator::run() {
   Expected<End> end = End::not_yet;
   if (options_.freeze_after > 0) end = iterate(std::min(options_.freeze_after, options_.max_iterations));
   for (int i = 0; end && *end == End::agreed && i < options_.max_searches; ++i) {
-    const auto gained = search();
-    if (!gained) return unexpected(gained.error());
-    if (!*gained) break;
+    MARBLE_ASSIGN_OR_RETURN(const auto gained, search());
+    if (!gained) break;
   }
   if (end && *end == End::not_yet && iterations_ < options_.max_iterations) {
     for (BlockAsk& ask : state_.asks) ask.frozen = true;
@@ -426,7 +419,7 @@ Expected<Coordination> Coordinator::run() {
                  blocks_.name(block) + " is " + to_string(answer.status) + " by itself: " + answer.detail);
   }
   if (*end == End::agreed && result_.frozen_at > 0) {
-    if (auto switched = try_switches(); !switched) return unexpected(switched.error());
+    MARBLE_RETURN_IF_ERROR(try_switches());
   }
   const std::string numbers = "coupling rows hold to " + scientific(state_.last.coupling_violation, 1) +
                               " after " + std::to_string(iterations_) + " iterations";
@@ -462,18 +455,15 @@ Expected<void> CoupledOptions::check() const {
 
 Expected<Coordination> coordinate(BlockTicks& blocks, std::span<const double> coupling_rhs,
                                   const CoupledOptions& options, const CoupledControls& controls) {
-  if (auto valid = options.check(); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(options.check());
   if (coupling_rhs.size() > static_cast<std::size_t>(kMostCouplingRows)) {
     return unexpected(invalid("coupling_rhs", std::to_string(coupling_rhs.size()),
                               "rows tie the blocks; must be at most " + std::to_string(kMostCouplingRows)));
   }
-  if (auto valid = check_numbers(coupling_rhs, coupling_rhs.size(), "coupling_rhs"); !valid)
-    return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_numbers(coupling_rhs, coupling_rhs.size(), "coupling_rhs"));
   if (controls.start != nullptr && !controls.start->coupling_multipliers.empty()) {
-    if (auto valid = check_numbers(controls.start->coupling_multipliers, coupling_rhs.size(),
-                                   "start.coupling_multipliers");
-        !valid)
-      return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(check_numbers(controls.start->coupling_multipliers, coupling_rhs.size(),
+                                         "start.coupling_multipliers"));
   }
   const bool knows_sides = controls.start != nullptr && !controls.start->blocks.empty();
   if (options.freeze_after == 0 && !knows_sides)

@@ -216,14 +216,14 @@ Expected<Solution> solve_from(const Problem& problem, Solution start, const Coor
                           .runner = controls.runner,
                           .pause = controls.pause,
                           .begun = controls.begun};
-  auto solution = solver ? solver->solve(how) : solve_once(problem, options.options, how);
-  if (!solution) return solution;
-  solution->factorizations += searched;
-  if (solution->status == Status::infeasible) {
-    solution->detail =
-        "each block has an answer by itself, but not with the coupling rows: " + std::move(solution->detail);
+  MARBLE_ASSIGN_OR_RETURN(auto solution,
+                          solver ? solver->solve(how) : solve_once(problem, options.options, how));
+  solution.factorizations += searched;
+  if (solution.status == Status::infeasible) {
+    solution.detail =
+        "each block has an answer by itself, but not with the coupling rows: " + std::move(solution.detail);
   }
-  solution->detail += "; " + coordination.detail;
+  solution.detail += "; " + coordination.detail;
   return solution;
 }
 
@@ -252,11 +252,9 @@ Expected<CoupledSolution> finish_coupled(const CoupledView& view, Coordination c
     }
   } else {
     const OwnedProblem monolithic = monolithic_problem(view);
-    const auto problem = Problem::create(monolithic.view());
-    if (!problem) return unexpected(problem.error());
-    auto solution = solve_from(*problem, std::move(start), coordination, options, controls);
-    if (!solution) return unexpected(solution.error());
-    result.monolithic = *std::move(solution);
+    MARBLE_ASSIGN_OR_RETURN(const auto problem, Problem::create(monolithic.view()));
+    MARBLE_ASSIGN_OR_RETURN(result.monolithic,
+                            solve_from(problem, std::move(start), coordination, options, controls));
     if (has_ray && result.monolithic.status != Status::unbounded) coordination.failed_block.reset();
   }
   result.coordination = std::move(coordination);
@@ -265,15 +263,15 @@ Expected<CoupledSolution> finish_coupled(const CoupledView& view, Coordination c
 
 Expected<CoupledSolution> solve_coupled(const CoupledView& view, const CoupledOptions& options,
                                         const CoupledControls& controls) {
-  if (auto valid = check(view); !valid) return unexpected(valid.error());
-  if (auto valid = options.check(); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check(view));
+  MARBLE_RETURN_IF_ERROR(options.check());
   if (controls.start != nullptr) {
-    if (auto valid = check_start(view, *controls.start); !valid) return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(check_start(view, *controls.start));
   }
   CoupledControls own = controls;
   if (!own.begun) own.begun = Interrupt::now(own.pause);
   return or_out_of_memory([&]() -> Expected<CoupledSolution> {
-    if (auto fits = charge(own, working_bytes(view), "blocks"); !fits) return unexpected(fits.error());
+    MARBLE_RETURN_IF_ERROR(charge(own, working_bytes(view), "blocks"));
     // The blocks' solvers are destroyed before the monolithic one is created.
     auto coordination = [&] {
       LiftedBlocks blocks(view, options, own);

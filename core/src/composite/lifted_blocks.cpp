@@ -27,14 +27,13 @@ class SolverHere final : public BlockSolver {
 
   Expected<Solution> solve(const ProblemUpdate& update, const Solution* start) override {
     if (solver_) {
-      if (auto taken = solver_->update(update); !taken) return unexpected(taken.error());
+      MARBLE_RETURN_IF_ERROR(solver_->update(update));
     } else {
-      const auto problem = Problem::create(block_.problem().view());
-      if (!problem) return unexpected(problem.error());
+      MARBLE_ASSIGN_OR_RETURN(const auto problem, Problem::create(block_.problem().view()));
       auto made = memory_.make([&](std::int64_t bytes) {
         SetupControls setup = setup_of(controls_, options_);
         setup.most_bytes = bytes;
-        return Solver::create(*problem, options_, setup);
+        return Solver::create(problem, options_, setup);
       });
       if (!made) return unexpected(made.error());
       solver_.emplace(*std::move(made));
@@ -112,20 +111,17 @@ void LiftedBlocks::begin_alone(const std::vector<double>& coupling_multipliers) 
       for (const Index row : rows_[k]) alone.price.push_back(coupling_multipliers[at(row)]);
       alone.centre.resize(rows_[k].size(), 0.0);
       block.lifted.ask(alone);
-      if (auto opened = open(block); !opened) return opened;
-      auto solution = block.solver->solve({}, nullptr);
-      if (!solution) return unexpected(solution.error());
-      block.factorizations = solution->factorizations;
-      if (is_solved(solution->status)) block.newest = *std::move(solution);
+      MARBLE_RETURN_IF_ERROR(open(block));
+      MARBLE_ASSIGN_OR_RETURN(auto solution, block.solver->solve({}, nullptr));
+      block.factorizations = solution.factorizations;
+      if (is_solved(solution.status)) block.newest = std::move(solution);
       return {};
     });
   });
 }
 
 Expected<void> LiftedBlocks::open(Block& block) const {
-  auto solver = open_(block.lifted);
-  if (!solver) return unexpected(solver.error());
-  block.solver = *std::move(solver);
+  MARBLE_ASSIGN_OR_RETURN(block.solver, open_(block.lifted));
   return {};
 }
 
@@ -162,7 +158,7 @@ Expected<BlockAnswer> LiftedBlocks::solve(Block& block, const BlockAsk& ask) {
   const ProblemUpdate update = block.lifted.update();
   const bool fresh = block.solver == nullptr;
   if (fresh) {
-    if (auto opened = open(block); !opened) return unexpected(opened.error());
+    MARBLE_RETURN_IF_ERROR(open(block));
   }
   const Solution* const start = block.newest ? &*block.newest : nullptr;
   auto solution = block.solver->solve(fresh ? ProblemUpdate{} : update, start);
@@ -189,9 +185,8 @@ Expected<BlockAnswer> LiftedBlocks::solve(Block& block, const BlockAsk& ask) {
       return Sensitivity::create(problem, of, setup);
     });
   };
-  auto along = block.response.at(block.lifted, update, *solution, create, ends);
-  if (!along) return unexpected(along.error());
-  BlockAnswer answer = block.lifted.answer(*solution, *std::move(along), ends);
+  MARBLE_ASSIGN_OR_RETURN(auto along, block.response.at(block.lifted, update, *solution, create, ends));
+  BlockAnswer answer = block.lifted.answer(*solution, std::move(along), ends);
   if (!interrupt.requested()) return answer;
   block.factorizations = solution->factorizations;
   return ended(*std::move(solution));

@@ -105,7 +105,7 @@ Expected<void> check(const CoupledView& view) {
     return unexpected(invalid("coupling_rhs", std::to_string(m),
                               "rows tie the blocks; must be at most " + std::to_string(kMostCouplingRows)));
   }
-  if (auto valid = check_numbers(view.coupling_rhs, m, "coupling_rhs"); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(check_numbers(view.coupling_rhs, m, "coupling_rhs"));
   std::int64_t variables = 0;
   for (std::size_t k = 0; k < view.blocks.size(); ++k) {
     const CoupledBlock& block = view.blocks[k];

@@ -77,9 +77,9 @@ Expected<void> check_table(const ProblemView& base, const ScenarioTable& table) 
   if (count == 0 || table.values.size() % width != 0)
     return unexpected(invalid("samples.values", std::to_string(table.values.size()) + " entries",
                               "must have a row of " + std::to_string(width) + " for each of the scenarios"));
-  if (auto finite = check_finite(table.values, "samples.values"); !finite) return finite;
+  MARBLE_RETURN_IF_ERROR(check_finite(table.values, "samples.values"));
   if (table.weights.empty()) return {};
-  if (auto size = check_size(table.weights.size(), count, "samples.weights"); !size) return size;
+  MARBLE_RETURN_IF_ERROR(check_size(table.weights.size(), count, "samples.weights"));
   for (std::size_t i = 0; i < count; ++i)
     if (!std::isfinite(table.weights[i]) || table.weights[i] <= 0.0)
       return unexpected(invalid("samples.weights", static_cast<std::int64_t>(i), text_of(table.weights[i]),
@@ -102,9 +102,8 @@ Expected<void> check_quantity(const ProblemView& base, const ScenarioQuantity& q
     const ScenarioQuantity::Effect& effect = quantity.effects[e];
     const std::string field = name + ".effects[" + std::to_string(e) + "].gains";
     if (effect.gains.size() != 1)
-      if (auto size = check_size(effect.gains.size(), size_of(base, effect.entries), field); !size)
-        return size;
-    if (auto finite = check_finite(effect.gains, field); !finite) return finite;
+      MARBLE_RETURN_IF_ERROR(check_size(effect.gains.size(), size_of(base, effect.entries), field));
+    MARBLE_RETURN_IF_ERROR(check_finite(effect.gains, field));
   }
   return {};
 }
@@ -114,8 +113,7 @@ Expected<void> check_entries(ScenarioProblem& problem,
                              std::span<const std::pair<ScenarioEntries, std::string>> named) {
   problem.scenarios = 1;
   problem.sample = [](std::int64_t) { return Expected<ScenarioNumbers>(); };
-  const auto stages = Stages::create(problem);
-  if (!stages) return unexpected(stages.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto stages, Stages::create(problem));
   for (const auto& one : named) {
     const ScenarioEntries& entries = one.first;
     const std::string& name = one.second;
@@ -131,7 +129,7 @@ Expected<void> check_entries(ScenarioProblem& problem,
         return refuse("must be in [0, " + std::to_string(part.size()) + ")");
       if (k > 0 && at <= entries.positions[k - 1]) return refuse("must be above the entry before it");
     }
-    if (const auto fixed = stages->fixed_among(entries); fixed)
+    if (const auto fixed = stages.fixed_among(entries); fixed)
       return unexpected(invalid(name + ".positions", static_cast<std::int64_t>(*fixed), "",
                                 "is of a row of first-stage variables alone; name the row in "
                                 "own_equalities, own_inequalities or own_pairs"));
@@ -159,8 +157,8 @@ Expected<void> set_scenarios(ScenarioProblem& problem, const ScenarioTable& tabl
   std::vector<std::pair<ScenarioEntries, std::string>> named;
   for (std::size_t e = 0; e < table.entries.size(); ++e)
     named.emplace_back(table.entries[e], "samples.entries[" + std::to_string(e) + "]");
-  if (auto valid = check_entries(problem, named); !valid) return valid;
-  if (auto valid = check_table(problem.base, table); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(check_entries(problem, named));
+  MARBLE_RETURN_IF_ERROR(check_table(problem.base, table));
   std::size_t width = 0;
   for (const ScenarioEntries& entries : table.entries) width += size_of(problem.base, entries);
   problem.scenarios = static_cast<std::int64_t>(table.values.size() / width);
@@ -186,12 +184,10 @@ Expected<void> set_scenarios(ScenarioProblem& problem, const ScenarioSampler& sa
       named.emplace_back(
           sampler.quantities[q].effects[e].entries,
           "sampler.quantities[" + std::to_string(q) + "].effects[" + std::to_string(e) + "].entries");
-  if (auto valid = check_entries(problem, named); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(check_entries(problem, named));
   for (std::size_t q = 0; q < sampler.quantities.size(); ++q)
-    if (auto valid = check_quantity(problem.base, sampler.quantities[q],
-                                    "sampler.quantities[" + std::to_string(q) + "]");
-        !valid)
-      return valid;
+    MARBLE_RETURN_IF_ERROR(
+        check_quantity(problem.base, sampler.quantities[q], "sampler.quantities[" + std::to_string(q) + "]"));
   problem.scenarios = std::numeric_limits<std::int64_t>::max();
   problem.sample = [base = problem.base, sampler](std::int64_t i) -> Expected<ScenarioNumbers> {
     ScenarioNumbers scenario;

@@ -100,13 +100,13 @@ class StageLoop {
     const PhaseScope phase(controls_.activity, Phase::scenarios, most_);
     std::int64_t count = std::min(settings_.initial_sample_size, most_);
     for (double size = static_cast<double>(settings_.initial_sample_size);;) {
-      if (auto drawn = draw(1); !drawn) return unexpected(drawn.error());
+      MARBLE_RETURN_IF_ERROR(draw(1));
       if (const double bytes = bytes_of_stage(count); bytes > most_bytes()) {
         Error error = too_large(static_cast<double>(count), bytes, setup_.most_bytes);
         if (answer_.scenarios == 0) return unexpected(std::move(error));
         return end(ScenarioEnd::too_large, error.message());
       }
-      if (auto drawn = draw(count); !drawn) return unexpected(drawn.error());
+      MARBLE_RETURN_IF_ERROR(draw(count));
       if (const auto ended = interrupted())
         return end(*ended, "ended while the numbers of scenarios were drawn");
       SampleAverageStage stage;
@@ -126,7 +126,7 @@ class StageLoop {
       size = std::max(size * settings_.growth, static_cast<double>(count) + 1.0);
       const std::int64_t next =
           size >= static_cast<double>(most_) ? most_ : static_cast<std::int64_t>(std::ceil(size));
-      if (auto tried = try_fresh(stage, next); !tried) return unexpected(tried.error());
+      MARBLE_RETURN_IF_ERROR(try_fresh(stage, next));
       report(stage);
       if (const auto ended = end_of(stage)) return end(*ended, stage.detail);
       if (count == most_) return end(ScenarioEnd::samples, stage.detail);
@@ -165,14 +165,13 @@ class StageLoop {
     while (static_cast<std::int64_t>(scenarios_.size()) < std::min(count, problem_.scenarios)) {
       if (!scenarios_.empty() && interrupt_.requested()) return {};
       const auto number = static_cast<std::int64_t>(scenarios_.size());
-      auto scenario = problem_.sample(number);
-      if (!scenario) return unexpected(scenario.error());
-      if (auto valid = stages_.check(*scenario); !valid)
+      MARBLE_ASSIGN_OR_RETURN(auto scenario, problem_.sample(number));
+      if (auto valid = stages_.check(scenario); !valid)
         return unexpected(inside("scenario[" + std::to_string(number) + "]", valid.error()));
-      scenarios_bytes_ += bytes_of(*scenario);
+      scenarios_bytes_ += bytes_of(scenario);
       if (scenarios_bytes_ > most_bytes())
         return unexpected(too_large(static_cast<double>(number + 1), scenarios_bytes_, setup_.most_bytes));
-      scenarios_.push_back(*std::move(scenario));
+      scenarios_.push_back(std::move(scenario));
     }
     return {};
   }
@@ -190,12 +189,10 @@ class StageLoop {
     weights_ = normalized_weights(sample);
     std::optional<Solution> start;
     if (answer_.scenarios > 0) start = lift(stage.scenarios);
-    auto assembled = stages_.assemble(sample, weights_, interrupt_);
-    if (!assembled) return unexpected(assembled.error());
-    const auto problem = Problem::create(assembled->view());
-    if (!problem) return unexpected(problem.error());
-    stage.variables = problem->variables();
-    stage.pairs = problem->pairs();
+    MARBLE_ASSIGN_OR_RETURN(auto assembled, stages_.assemble(sample, weights_, interrupt_));
+    MARBLE_ASSIGN_OR_RETURN(const auto problem, Problem::create(assembled.view()));
+    stage.variables = problem.variables();
+    stage.pairs = problem.pairs();
     Options options = settings_.options;
     if (start)
       options.max_local_search_factorizations =
@@ -209,16 +206,15 @@ class StageLoop {
     limits.pause = controls_.pause;
     limits.until = until_;
     limits.most_bytes = bytes_left(beside);
-    auto solver = Solver::create(*problem, options, limits);
-    if (!solver) return unexpected(solver.error());
-    stage.memory_bytes = solver->memory_bytes() + static_cast<std::int64_t>(beside);
+    MARBLE_ASSIGN_OR_RETURN(auto solver, Solver::create(problem, options, limits));
+    stage.memory_bytes = solver.memory_bytes() + static_cast<std::int64_t>(beside);
     batch_bytes_ = bytes_left(static_cast<double>(stage.memory_bytes));
-    auto solution = solve_from(*solver, options, start ? &*start : nullptr, stage);
+    auto solution = solve_from(solver, options, start ? &*start : nullptr, stage);
     if (solution && is_without_plan(solution->status)) {
       find_infeasible(stage);
       if (answer_.infeasible.empty() && stage.scenarios > 1) {
         options.max_feasibility_factorizations = settings_.options.max_feasibility_factorizations;
-        solution = solve_from(*solver, options, start ? &*start : nullptr, stage);
+        solution = solve_from(solver, options, start ? &*start : nullptr, stage);
       }
     }
     if (!solution) return solution;
@@ -232,7 +228,7 @@ class StageLoop {
   // If a start had to be repaired and kept no branch, also solves cold if more stages or starts follow.
   Expected<Solution> solve_from(Solver& solver, Options options, const Solution* start,
                                 SampleAverageStage& stage) {
-    if (auto set = solver.set_options(options); !set) return unexpected(set.error());
+    MARBLE_RETURN_IF_ERROR(solver.set_options(options));
     SolveControls controls = controls_;
     controls.activity = nullptr;  // it shows the stages
     controls.warm_start = start;
@@ -246,7 +242,7 @@ class StageLoop {
     if (!is_solved(solution->status) || !stayed_warm || stage.warm || !goes_on) return solution;
     stage.searched = true;
     options.max_local_search_factorizations = 0;
-    if (auto set = solver.set_options(options); !set) return unexpected(set.error());
+    MARBLE_RETURN_IF_ERROR(solver.set_options(options));
     controls.warm_start = nullptr;
     auto other = solve_and_count(solver, controls, stage);
     if (!other) return other;
@@ -256,10 +252,9 @@ class StageLoop {
   Expected<Solution> solve_and_count(Solver& solver, const SolveControls& controls,
                                      SampleAverageStage& stage) {
     progress_.begin(stage, total_);
-    auto solution = solver.solve(controls);
-    if (!solution) return solution;
-    stage.factorizations += solution->factorizations;
-    count(*solution);
+    MARBLE_ASSIGN_OR_RETURN(auto solution, solver.solve(controls));
+    stage.factorizations += solution.factorizations;
+    count(solution);
     return solution;
   }
 
@@ -345,7 +340,7 @@ class StageLoop {
     const std::int64_t wanted = stage.scenarios + settings_.out_of_sample_scenarios;
     const std::int64_t last = std::min({problem_.scenarios, next_fits ? std::max(wanted, next) : wanted,
                                         stage.scenarios + fresh_that_fit()});
-    if (auto valid = draw(last); !valid) return valid;
+    MARBLE_RETURN_IF_ERROR(draw(last));
     if (interrupted()) return {};
     const auto drawn = scenarios(stage.scenarios, std::max(stage.scenarios, last));
     if (drawn.empty()) return {};
@@ -454,46 +449,41 @@ const char* to_string(ScenarioEnd end) {
 }
 
 Expected<void> check_scenarios(const ScenarioProblem& problem, const ScenarioSettings& settings) {
-  if (auto valid = validate_settings(settings); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(validate_settings(settings));
   const auto stages = Stages::create(problem);
   return stages ? Expected<void>() : unexpected(stages.error());
 }
 
 Expected<ScenarioSolution> solve_scenarios(const ScenarioProblem& problem, const ScenarioSettings& settings,
                                            const SolveControls& controls, const SetupControls& setup) {
-  if (auto valid = validate_settings(settings); !valid) return unexpected(valid.error());
-  auto stages = Stages::create(problem);
-  if (!stages) return unexpected(stages.error());
-  return StageLoop(problem, settings, controls, setup, *std::move(stages)).run();
+  MARBLE_RETURN_IF_ERROR(validate_settings(settings));
+  MARBLE_ASSIGN_OR_RETURN(auto stages, Stages::create(problem));
+  return StageLoop(problem, settings, controls, setup, std::move(stages)).run();
 }
 
 Expected<void> check_initial_sample(const ScenarioProblem& problem, const ScenarioSettings& settings,
                                     std::int64_t most_bytes) {
-  const auto stages = Stages::create(problem);
-  if (!stages) return unexpected(stages.error());
-  const auto first = problem.sample(0);
-  if (!first) return unexpected(first.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto stages, Stages::create(problem));
+  MARBLE_ASSIGN_OR_RETURN(const auto first, problem.sample(0));
   const auto count = static_cast<double>(std::min(settings.initial_sample_size, problem.scenarios));
-  const double bytes = stage_bytes(*stages, count, bytes_of(*first), settings.options);
+  const double bytes = stage_bytes(stages, count, bytes_of(first), settings.options);
   if (bytes <= static_cast<double>(most_bytes)) return {};
   return unexpected(of_field("settings.initial_sample_size", too_large(count, bytes, most_bytes)));
 }
 
 Expected<OwnedProblem> assemble_scenarios(const ScenarioProblem& problem, std::int64_t scenarios) {
-  const auto stages = Stages::create(problem);
-  if (!stages) return unexpected(stages.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto stages, Stages::create(problem));
   if (scenarios < 1 || scenarios > problem.scenarios)
     return unexpected(
         invalid("scenarios", std::to_string(scenarios), "must be >= 1, and no more than there are"));
   std::vector<ScenarioNumbers> drawn;
   for (std::int64_t i = 0; i < scenarios; ++i) {
-    auto scenario = problem.sample(i);
-    if (!scenario) return unexpected(scenario.error());
-    if (auto valid = stages->check(*scenario); !valid)
+    MARBLE_ASSIGN_OR_RETURN(auto scenario, problem.sample(i));
+    if (auto valid = stages.check(scenario); !valid)
       return unexpected(inside("scenario[" + std::to_string(i) + "]", valid.error()));
-    drawn.push_back(*std::move(scenario));
+    drawn.push_back(std::move(scenario));
   }
-  return stages->assemble(drawn, normalized_weights(drawn));
+  return stages.assemble(drawn, normalized_weights(drawn));
 }
 
 }  // namespace marble

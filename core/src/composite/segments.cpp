@@ -139,12 +139,12 @@ Expected<Segments> Cutter::cut() {
         std::tuple{&p_.C, p_.d, &result_.inequalities, &Part::C, &Part::d},
         std::tuple{&p_.L, p_.l, &result_.pairs, &Part::L, &Part::l},
         std::tuple{&p_.R, p_.r, &result_.pairs, &Part::R, &Part::r}}) {
-    if (auto on = may_go_on(); !on) return unexpected(on.error());
+    MARBLE_RETURN_IF_ERROR(may_go_on());
     cut_rows(*m, offsets, *places, entries, constants);
   }
-  if (auto on = may_go_on(); !on) return unexpected(on.error());
+  MARBLE_RETURN_IF_ERROR(may_go_on());
   cut_cost();
-  if (auto on = may_go_on(); !on) return unexpected(on.error());
+  MARBLE_RETURN_IF_ERROR(may_go_on());
   const auto m = static_cast<Index>(ties_.size());
   std::vector<Triplets> coupling(parts_.size());
   for (Index row = 0; row < m; ++row) {
@@ -154,7 +154,7 @@ Expected<Segments> Cutter::cut() {
   }
   result_.coupling_rhs.assign(at(m), 0.0);
   for (std::size_t k = 0; k < parts_.size(); ++k) {
-    if (auto on = may_go_on(); !on) return unexpected(on.error());
+    MARBLE_RETURN_IF_ERROR(may_go_on());
     Part& part = parts_[k];
     const auto n = static_cast<Index>(part.g.size());
     OwnedProblem block;
@@ -169,16 +169,13 @@ Expected<Segments> Cutter::cut() {
                                               std::tuple{&block.C, &part.C, part.d.size(), "C"},
                                               std::tuple{&block.L, &part.L, part.l.size(), "L"},
                                               std::tuple{&block.R, &part.R, part.r.size(), "R"}}) {
-      auto matrix = made(*entries, rows, name);
-      if (!matrix) return unexpected(matrix.error());
-      *into = *std::move(matrix);
+      MARBLE_ASSIGN_OR_RETURN(*into, made(*entries, rows, name));
       *entries = {};
     }
     block.g = std::move(part.g), block.b = std::move(part.b), block.d = std::move(part.d);
     block.l = std::move(part.l), block.r = std::move(part.r);
-    auto rows = compress(m, n, coupling[k], "coupling");
-    if (!rows) return unexpected(rows.error());
-    result_.coupling.push_back(*std::move(rows));
+    MARBLE_ASSIGN_OR_RETURN(auto rows, compress(m, n, coupling[k], "coupling"));
+    result_.coupling.push_back(std::move(rows));
     result_.blocks.push_back(std::move(block));
   }
   result_.blocks.front().c0 = p_.c0;
@@ -304,7 +301,7 @@ CoupledStart Segments::start(const Solution& whole) const {
 }
 
 Expected<void> SegmentsOptions::check() const {
-  if (auto valid = coupled.check(); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(coupled.check());
   if (!coupled.monolithic) return unexpected(invalid("monolithic", "must be true of a problem in segments"));
   if (overlap < -1) return unexpected(invalid("overlap", std::to_string(overlap), "must be >= -1"));
   return {};
@@ -327,11 +324,10 @@ std::vector<Index> ends_of(std::span<const Index> stage_of_variable,
 Expected<SegmentsSolution> ended_before(const Problem& problem, const SegmentsOptions& options,
                                         const CoupledControls& controls) {
   SegmentsSolution result;
-  auto whole =
+  MARBLE_ASSIGN_OR_RETURN(
+      result.whole,
       solve_once(problem, options.coupled.options,
-                 {.stop = controls.stop, .pause = controls.pause, .begun = controls.begun}, controls.setup);
-  if (!whole) return unexpected(whole.error());
-  result.whole = *std::move(whole);
+                 {.stop = controls.stop, .pause = controls.pause, .begun = controls.begun}, controls.setup));
   result.coordination.status = result.whole.status;
   result.coordination.detail = "ended before the segments were cut";
   return result;
@@ -342,42 +338,39 @@ Expected<SegmentsSolution> ended_before(const Problem& problem, const SegmentsOp
 Expected<SegmentsSolution> solve_in_segments(const Problem& problem, std::span<const Index> stage_of_variable,
                                              const SegmentsOptions& options,
                                              const CoupledControls& controls) {
-  if (auto valid = options.check(); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(options.check());
   CoupledControls own = controls;
   if (!own.begun) own.begun = Interrupt::now(own.pause);
   return or_out_of_memory([&]() -> Expected<SegmentsSolution> {
-    const auto segment_of_variable = segments_by_stage(stage_of_variable, options.num_segments);
-    if (!segment_of_variable) return unexpected(segment_of_variable.error());
-    if (auto fits = charge(own, tuning::coupled_cut_copies * copy_bytes(problem.view()), "segments"); !fits)
-      return unexpected(fits.error());
-    const auto segments = cut(problem, *segment_of_variable, setup_of(own, options.coupled.options));
+    MARBLE_ASSIGN_OR_RETURN(const auto segment_of_variable,
+                            segments_by_stage(stage_of_variable, options.num_segments));
+    MARBLE_RETURN_IF_ERROR(charge(own, tuning::coupled_cut_copies * copy_bytes(problem.view()), "segments"));
+    const auto segments = cut(problem, segment_of_variable, setup_of(own, options.coupled.options));
     if (!segments) {
       if (!ends_early(segments.error())) return unexpected(segments.error());
       return ended_before(problem, options, own);
     }
-    if (auto fits = charge(own, working_bytes(segments->view()), "segments"); !fits)
-      return unexpected(fits.error());
-    const std::vector<Index> ends = ends_of(stage_of_variable, *segment_of_variable, options.num_segments);
+    MARBLE_RETURN_IF_ERROR(charge(own, working_bytes(segments->view()), "segments"));
+    const std::vector<Index> ends = ends_of(stage_of_variable, segment_of_variable, options.num_segments);
     const SolveControls alone{.stop = own.stop, .runner = own.runner, .pause = own.pause, .begun = own.begun};
-    auto swept =
+    MARBLE_ASSIGN_OR_RETURN(
+        auto swept,
         sweep(problem, {.stage_of_variable = stage_of_variable, .ends = ends, .overlap = options.overlap},
-              options.coupled.options, alone, own.setup);
-    if (!swept) return unexpected(swept.error());
+              options.coupled.options, alone, own.setup));
     SegmentsSolution result;
-    result.sweep_factorizations = swept->factorizations;
-    result.sweep_objective = swept->objective;
-    if (!is_solved(swept->status)) {
-      result.coordination.status = swept->status;
-      result.coordination.detail = "the segments were not solved one after the other: " + swept->detail;
-      auto whole = stopped(result.coordination)
-                       ? solve_from(problem, *std::move(swept), result.coordination, options.coupled, own)
-                       : solve_once(problem, options.coupled.options, alone, own.setup);
-      if (!whole) return unexpected(whole.error());
-      result.whole = *std::move(whole);
+    result.sweep_factorizations = swept.factorizations;
+    result.sweep_objective = swept.objective;
+    if (!is_solved(swept.status)) {
+      result.coordination.status = swept.status;
+      result.coordination.detail = "the segments were not solved one after the other: " + swept.detail;
+      MARBLE_ASSIGN_OR_RETURN(
+          result.whole, stopped(result.coordination)
+                            ? solve_from(problem, std::move(swept), result.coordination, options.coupled, own)
+                            : solve_once(problem, options.coupled.options, alone, own.setup));
       if (!stopped(result.coordination)) result.whole.detail += "; " + result.coordination.detail;
       return result;
     }
-    const CoupledStart start = segments->start(*swept);
+    const CoupledStart start = segments->start(swept);
     own.start = &start;
     const CoupledView view = segments->view();
     // The segments' solvers are destroyed before that of the whole problem is created.
@@ -389,14 +382,13 @@ Expected<SegmentsSolution> solve_in_segments(const Problem& problem, std::span<c
     result.blocks_objective = sum_of_objectives(*coordination);
     Solution found;
     if (coordination->failed_block && !stopped(*coordination)) {
-      found = *std::move(swept);
+      found = std::move(swept);
       coordination->detail += "; so the whole was solved from the segments one after the other";
     } else {
       found = segments->joined(coordination->answers);
     }
-    auto whole = solve_from(problem, std::move(found), *coordination, options.coupled, own);
-    if (!whole) return unexpected(whole.error());
-    result.whole = *std::move(whole);
+    MARBLE_ASSIGN_OR_RETURN(result.whole,
+                            solve_from(problem, std::move(found), *coordination, options.coupled, own));
     result.coordination = *std::move(coordination);
     return result;
   });

@@ -208,32 +208,30 @@ void Stages::each_part(const Visit& visit) const {
 Expected<Stages> Stages::create(const ScenarioProblem& problem) {
   auto base = Problem::create(problem.base);
   if (!base) return unexpected(inside("base", base.error()));
-  auto plan = marks(problem.first_stage, base->variables(), "first_stage");
-  if (!plan) return unexpected(plan.error());
+  MARBLE_ASSIGN_OR_RETURN(auto plan, marks(problem.first_stage, base->variables(), "first_stage"));
   if (problem.first_stage.empty()) return unexpected(invalid("first_stage", "must name a variable at least"));
-  if (problem.first_stage.size() == plan->size())
+  if (problem.first_stage.size() == plan.size())
     return unexpected(invalid("first_stage", "must leave a variable to the recourse"));
   if (!problem.sample) return unexpected(invalid("sample", "must be there"));
   if (problem.scenarios < 1)
     return unexpected(invalid("scenarios", std::to_string(problem.scenarios), "must be >= 1"));
-  std::vector<char> second(plan->size());
-  std::ranges::transform(*plan, second.begin(), [](char of_plan) { return of_plan ? 0 : 1; });
-  auto equalities = marks(problem.own_equalities, base->equalities(), "own_equalities");
-  if (!equalities) return unexpected(equalities.error());
-  auto inequalities = marks(problem.own_inequalities, base->inequalities(), "own_inequalities");
-  if (!inequalities) return unexpected(inequalities.error());
-  auto pairs = marks(problem.own_pairs, base->pairs(), "own_pairs");
-  if (!pairs) return unexpected(pairs.error());
+  std::vector<char> second(plan.size());
+  std::ranges::transform(plan, second.begin(), [](char of_plan) { return of_plan ? 0 : 1; });
+  MARBLE_ASSIGN_OR_RETURN(auto equalities,
+                          marks(problem.own_equalities, base->equalities(), "own_equalities"));
+  MARBLE_ASSIGN_OR_RETURN(auto inequalities,
+                          marks(problem.own_inequalities, base->inequalities(), "own_inequalities"));
+  MARBLE_ASSIGN_OR_RETURN(auto pairs, marks(problem.own_pairs, base->pairs(), "own_pairs"));
   const ProblemView& view = base->view();
-  mark_rows(view.A, second, *equalities);
-  mark_rows(view.C, second, *inequalities);
-  mark_rows(view.L, second, *pairs);
-  mark_rows(view.R, second, *pairs);
+  mark_rows(view.A, second, equalities);
+  mark_rows(view.C, second, inequalities);
+  mark_rows(view.L, second, pairs);
+  mark_rows(view.R, second, pairs);
   Stages stages(*base);
   stages.variables = split(std::move(second));
-  stages.equalities = split(*std::move(equalities));
-  stages.inequalities = split(*std::move(inequalities));
-  stages.pairs = split(*std::move(pairs));
+  stages.equalities = split(std::move(equalities));
+  stages.inequalities = split(std::move(inequalities));
+  stages.pairs = split(std::move(pairs));
   stages.Q_ = hessian_stages(view.Q, stages.variables);
   stages.A_ = stages_of(view.A, stages.equalities, stages.variables);
   stages.C_ = stages_of(view.C, stages.inequalities, stages.variables);
@@ -243,7 +241,7 @@ Expected<Stages> Stages::create(const ScenarioProblem& problem) {
 }
 
 Expected<void> Stages::check(const ScenarioNumbers& numbers) const {
-  if (auto valid = PartSizes::of(base_).check(numbers.update()); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(PartSizes::of(base_).check(numbers.update()));
   if (!std::isfinite(numbers.weight) || numbers.weight <= 0.0)
     return unexpected(invalid("weight", text_of(numbers.weight), "must be finite and > 0"));
   Expected<void> valid;

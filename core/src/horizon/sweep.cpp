@@ -84,18 +84,16 @@ void Sweep::show(std::size_t done, int pass) const {
 }
 
 Expected<Solution> Sweep::solve(const OwnedProblem& part, const Solution* start) {
-  const auto checked = Problem::create(part.view());
-  if (!checked) return unexpected(checked.error());
-  auto answer = solve_once(*checked, options_,
-                           {.stop = controls_.stop,
-                            .warm_start = start,
-                            .runner = controls_.runner,
-                            .pause = controls_.pause,
-                            .begun = controls_.begun},
-                           setup_);
-  if (!answer) return answer;
-  whole_.factorizations += answer->factorizations;
-  whole_.times += answer->times;
+  MARBLE_ASSIGN_OR_RETURN(const auto checked, Problem::create(part.view()));
+  MARBLE_ASSIGN_OR_RETURN(auto answer, solve_once(checked, options_,
+                                                  {.stop = controls_.stop,
+                                                   .warm_start = start,
+                                                   .runner = controls_.runner,
+                                                   .pause = controls_.pause,
+                                                   .begun = controls_.begun},
+                                                  setup_));
+  whole_.factorizations += answer.factorizations;
+  whole_.times += answer.times;
   return answer;
 }
 
@@ -107,19 +105,18 @@ Expected<void> Sweep::go_forward() {
     const auto part = window_.problem(first, end_of(k), End::open, whole_.z, interrupt_);
     if (ended(k)) return {};
     if (!part) return unexpected(part.error());
-    const auto answer = solve(*part, nullptr);
-    if (!answer) return unexpected(answer.error());
-    if (!is_solved(answer->status)) {
+    MARBLE_ASSIGN_OR_RETURN(const auto answer, solve(*part, nullptr));
+    if (!is_solved(answer.status)) {
       if (ended(k)) return {};
       if (k > 0 && first == start_of(k)) {
         first = start_of(k - 1);
         continue;
       }
-      whole_.status = answer->status;
-      whole_.detail = "segment " + std::to_string(k) + ", from where the last one ended: " + answer->detail;
+      whole_.status = answer.status;
+      whole_.detail = "segment " + std::to_string(k) + ", from where the last one ended: " + answer.detail;
       return {};
     }
-    window_.take(*answer, plan_.ends[k], whole_);
+    window_.take(answer, plan_.ends[k], whole_);
     first = plan_.ends[k++];
     show(k, 0);
   }
@@ -138,10 +135,9 @@ Expected<void> Sweep::improve() {
       if (!part) return unexpected(part.error());
       Solution start = window_.part_of(whole_);
       start.reference_objective = std::numeric_limits<double>::max();
-      const auto answer = solve(*part, &start);
-      if (!answer) return unexpected(answer.error());
-      if (is_solved(answer->status) && answer->objective <= objective(part->view(), start.z))
-        window_.take(*answer, plan_.ends.back(), whole_);
+      MARBLE_ASSIGN_OR_RETURN(const auto answer, solve(*part, &start));
+      if (is_solved(answer.status) && answer.objective <= objective(part->view(), start.z))
+        window_.take(answer, plan_.ends.back(), whole_);
       show(k + 1, pass);
     }
     whole_.objective = objective(p_, whole_.z);
@@ -151,9 +147,9 @@ Expected<void> Sweep::improve() {
 }
 
 Expected<Solution> Sweep::run() {
-  if (auto done = go_forward(); !done) return unexpected(done.error());
+  MARBLE_RETURN_IF_ERROR(go_forward());
   if (!is_solved(whole_.status)) return whole_;
-  if (auto done = improve(); !done) return unexpected(done.error());
+  MARBLE_RETURN_IF_ERROR(improve());
   return whole_;
 }
 

@@ -81,18 +81,14 @@ Expected<OwnedProblem> Window::problem(Index first, Index end, End behind, const
     if (mirrored && column >= 0 && row < 0 && known(i)) window.g[at(column)] += value * z[at(i)];
   });
   const auto n = static_cast<Index>(window.g.size());
-  auto hessian = compress(n, n, Q, "Q");
-  if (!hessian) return unexpected(hessian.error());
-  window.Q = *std::move(hessian);
+  MARBLE_ASSIGN_OR_RETURN(window.Q, compress(n, n, Q, "Q"));
   for (auto& [into, m, rows, offsets, own, name] :
        {std::tuple{&window.A, &p_.A, &equalities_, p_.b, &window.b, "A"},
         std::tuple{&window.C, &p_.C, &inequalities_, p_.d, &window.d, "C"},
         std::tuple{&window.L, &p_.L, &pairs_, p_.l, &window.l, "L"},
         std::tuple{&window.R, &p_.R, &pairs_, p_.r, &window.r, "R"}}) {
     if (interrupt.requested()) return window;  // incomplete; not solved
-    auto matrix = part(*m, *rows, z, offsets, *own, name);
-    if (!matrix) return unexpected(matrix.error());
-    *into = *std::move(matrix);
+    MARBLE_ASSIGN_OR_RETURN(*into, part(*m, *rows, z, offsets, *own, name));
   }
   return window;
 }

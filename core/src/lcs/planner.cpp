@@ -112,7 +112,7 @@ Expected<void> LcsPlanner::State::check(const LcsStep& step, bool needs_state) c
       return unexpected(invalid("u", std::to_string(step.u.size()),
                                 "must have " + std::to_string(size) + " entries (stages times inputs)"));
     }
-    if (auto finite = check_stages(step.u, nu, "u"); !finite) return finite;
+    MARBLE_RETURN_IF_ERROR(check_stages(step.u, nu, "u"));
   }
   if (step.shift < 0 || step.shift > task.stages) {
     return unexpected(invalid("shift", std::to_string(step.shift),
@@ -184,12 +184,10 @@ LcsUpdate LcsPlanner::State::update(Index shift) const {
 }
 
 Expected<LcsUpdate> LcsPlanner::State::take(const LcsStep& step, bool prepares) {
-  if (auto valid = check(step, !prepares); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check(step, !prepares));
   std::optional<LcsLimits> limits;
   if (!step.x_lb.empty() || !step.x_ub.empty() || !step.u_lb.empty() || !step.u_ub.empty()) {
-    auto checked = task.limits_after(step);
-    if (!checked) return unexpected(checked.error());
-    limits = *std::move(checked);
+    MARBLE_ASSIGN_OR_RETURN(limits, task.limits_after(step));
   }
   if (step.lcs != nullptr) {
     const LcsView& next = *step.lcs;
@@ -261,12 +259,10 @@ LcsPlanner& LcsPlanner::operator=(LcsPlanner&&) noexcept = default;
 LcsPlanner::~LcsPlanner() = default;
 
 Expected<LcsPlanner> LcsPlanner::create(const LcsView& lcs, const LcsTask& task, const Options& options) {
-  auto system = LCS::create(lcs);
-  if (!system) return unexpected(system.error());
-  auto checked = CheckedTask::create(*system, task);
-  if (!checked) return unexpected(checked.error());
-  if (auto valid = validate(options); !valid) return unexpected(valid.error());
-  return LcsPlanner(std::make_unique<State>(*std::move(system), *std::move(checked), options));
+  MARBLE_ASSIGN_OR_RETURN(auto system, LCS::create(lcs));
+  MARBLE_ASSIGN_OR_RETURN(auto checked, CheckedTask::create(system, task));
+  MARBLE_RETURN_IF_ERROR(validate(options));
+  return LcsPlanner(std::make_unique<State>(std::move(system), std::move(checked), options));
 }
 
 ProblemView LcsPlanner::problem() const { return state_->assembly.problem().view(); }
@@ -319,14 +315,12 @@ Expected<LcsPlan> LcsPlanner::finish(const LcsAnswer& answer) {
 }
 
 Expected<LcsPlan> LcsPlanner::step(WarmSolver& solver, const LcsStep& step, const SolveControls& controls) {
-  auto update = begin(step);
-  if (!update) return unexpected(update.error());
-  auto solution = solver.solve(update->numbers, update->restart, controls);
-  if (!solution) return unexpected(solution.error());
-  return finish({.status = solution->status,
-                 .z = solution->z,
-                 .detail = std::move(solution->detail),
-                 .times = solution->times});
+  MARBLE_ASSIGN_OR_RETURN(auto update, begin(step));
+  MARBLE_ASSIGN_OR_RETURN(auto solution, solver.solve(update.numbers, update.restart, controls));
+  return finish({.status = solution.status,
+                 .z = solution.z,
+                 .detail = std::move(solution.detail),
+                 .times = solution.times});
 }
 
 }  // namespace marble

@@ -45,7 +45,7 @@ Expected<void> Rollout::run(const LCS& lcs, LcsTrajectory& trajectory) {
 
 Expected<LcsTrajectory> rollout(const LCS& lcs, std::span<const double> x0, std::span<const double> u) {
   const auto nx = static_cast<std::size_t>(lcs.states()), nu = static_cast<std::size_t>(lcs.inputs());
-  if (auto valid = check_numbers(x0, nx, "x0"); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_numbers(x0, nx, "x0"));
   const std::size_t stages = u.size() / nu;
   if (u.empty() || u.size() % nu != 0 ||
       (lcs.stages() > 0 && stages != static_cast<std::size_t>(lcs.stages()))) {
@@ -54,13 +54,13 @@ Expected<LcsTrajectory> rollout(const LCS& lcs, std::span<const double> x0, std:
     return unexpected(invalid("u", std::to_string(u.size()),
                               "must have " + count + " times " + std::to_string(nu) + " entries"));
   }
-  if (auto valid = check_stages(u, nu, "u"); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_stages(u, nu, "u"));
   LcsTrajectory made;
   made.x.resize((stages + 1) * nx);
   made.u.assign(u.begin(), u.end());
   made.lam.resize(stages * static_cast<std::size_t>(lcs.pairs()));
   std::ranges::copy(x0, made.x.begin());
-  if (auto simulated = Rollout().run(lcs, made); !simulated) return unexpected(simulated.error());
+  MARBLE_RETURN_IF_ERROR(Rollout().run(lcs, made));
   return made;
 }
 

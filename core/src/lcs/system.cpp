@@ -52,7 +52,7 @@ Expected<void> check_sizes(const LcsView& view) {
 }  // namespace
 
 Expected<LCS> LCS::create(const LcsView& view) {
-  if (auto valid = check_sizes(view); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_sizes(view));
   LCS made;
   std::size_t stages = 0;
   for (std::size_t k = 0; k < lcs_part_count; ++k) {
@@ -74,7 +74,7 @@ Expected<LCS> LCS::create(const LcsView& view) {
       }
       stages = count;
     }
-    if (auto valid = check_stages(values, entries, shape.name); !valid) return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(check_stages(values, entries, shape.name));
     made.parts_[k].assign(values.begin(), values.end());
   }
   made.states_ = view.states, made.inputs_ = view.inputs, made.pairs_ = view.pairs;

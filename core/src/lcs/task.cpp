@@ -123,8 +123,8 @@ Expected<void> check_order(const Side& lower, const Side& upper, Index size) {
 
 template <class Given>
 Expected<void> check_orders(const CheckedTask& task, const Given& given, const LcsLimits& limits) {
-  auto valid = check_order({limits.x_lb, given.x_lb, "x_lb"}, {limits.x_ub, given.x_ub, "x_ub"}, task.states);
-  if (!valid) return valid;
+  MARBLE_RETURN_IF_ERROR(
+      check_order({limits.x_lb, given.x_lb, "x_lb"}, {limits.x_ub, given.x_ub, "x_ub"}, task.states));
   return check_order({limits.u_lb, given.u_lb, "u_lb"}, {limits.u_ub, given.u_ub, "u_ub"}, task.inputs);
 }
 
@@ -155,9 +155,9 @@ Expected<CheckedTask> CheckedTask::create(const LCS& lcs, const LcsTask& task) {
     return unexpected(invalid("stages", std::to_string(task.stages),
                               "the matrices of all stages must have fewer than 2^31 entries"));
   }
-  if (auto valid = made.take_weights(lcs, task); !valid) return unexpected(valid.error());
-  if (auto valid = made.take_bounds(task); !valid) return unexpected(valid.error());
-  if (auto valid = made.check_targets(task.x_ref, task.u_ref); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(made.take_weights(lcs, task));
+  MARBLE_RETURN_IF_ERROR(made.take_bounds(task));
+  MARBLE_RETURN_IF_ERROR(made.check_targets(task.x_ref, task.u_ref));
   made.x_ref.assign(product(made.stages + 1, made.states), 0.0);
   made.u_ref.assign(product(made.stages, made.inputs), 0.0);
   made.set_targets(task.x_ref, task.u_ref);
@@ -180,11 +180,9 @@ Expected<void> CheckedTask::take_weights(const LCS& lcs, const LcsTask& task) {
   Q = task.Q, R = task.R, P = task.P, R_change = task.R_change, regularization = task.regularization;
   if (!P.empty()) return {};
   const LcsStage last(lcs, stages - 1);
-  auto computed =
-      riccati(last.A, last.B, matrix_of(part_of(Q, product(states, states), stages - 1), states, states),
-              matrix_of(part_of(R, product(inputs, inputs), stages - 1), inputs, inputs));
-  if (!computed) return unexpected(computed.error());
-  P = *std::move(computed);
+  MARBLE_ASSIGN_OR_RETURN(
+      P, riccati(last.A, last.B, matrix_of(part_of(Q, product(states, states), stages - 1), states, states),
+                 matrix_of(part_of(R, product(inputs, inputs), stages - 1), inputs, inputs)));
   return {};
 }
 
@@ -241,8 +239,7 @@ double CheckedTask::offset(const LcsBound& bound, Index stage) const {
 Expected<void> CheckedTask::check_targets(std::span<const double> x_targets,
                                           std::span<const double> u_targets) const {
   if (!x_targets.empty()) {
-    if (auto valid = check_part(x_targets, static_cast<std::size_t>(states), stages + 1, "x_ref"); !valid)
-      return valid;
+    MARBLE_RETURN_IF_ERROR(check_part(x_targets, static_cast<std::size_t>(states), stages + 1, "x_ref"));
   }
   if (u_targets.empty()) return {};
   return check_part(u_targets, static_cast<std::size_t>(inputs), stages, "u_ref");

@@ -105,9 +105,8 @@ Expected<void> check(const OptionInfo& info, double value) {
 std::span<const OptionInfo> option_table() { return kTable; }
 
 Expected<void> set_option(Options& options, std::string_view name, double value) {
-  const auto info = find(name);
-  if (!info) return unexpected(info.error());
-  if (auto valid = check(**info, value); !valid) return valid;
+  MARBLE_ASSIGN_OR_RETURN(const auto info, find(name));
+  MARBLE_RETURN_IF_ERROR(check(*info, value));
 #define MARBLE_OPTION(type, member, default_value, low, high, unit, doc) \
   if (name == #member) options.member = static_cast<type>(value);
 #include "marble/options.def"
@@ -116,9 +115,8 @@ Expected<void> set_option(Options& options, std::string_view name, double value)
 }
 
 Expected<void> set_option_text(Options& options, std::string_view name, std::string_view text) {
-  const auto info = find(name);
-  if (!info) return unexpected(info.error());
-  const OptionInfo& option = **info;
+  MARBLE_ASSIGN_OR_RETURN(const auto info, find(name));
+  const OptionInfo& option = *info;
   if (option.type == OptionType::choice) {
     for (std::size_t i = 0; i < option.choices.size(); ++i) {
       if (option.choices[i] == text) return set_option(options, name, static_cast<double>(i));
@@ -159,7 +157,7 @@ Expected<void> validate(const Options& options) {
 Expected<void> validate_ranges(const Options& options) {
   const OptionInfo* info = kTable;
 #define MARBLE_OPTION(type, member, default_value, low, high, unit, doc) \
-  if (auto valid = check(*info++, static_cast<double>(options.member)); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(check(*info++, static_cast<double>(options.member)));
 #include "marble/options.def"
 #undef MARBLE_OPTION
   return {};

@@ -196,16 +196,14 @@ Expected<Problem> Problem::create(const ProblemView& view) {
   };
   for (const auto& m : matrices) {
     const bool is_q = &m.matrix == &view.Q;
-    if (auto valid = check_matrix(m.matrix, m.name, m.rows, n, is_q ? "variables" : m.rule,
-                                  is_q ? MayBeEmpty::always : MayBeEmpty::without_rows);
-        !valid)
-      return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(check_matrix(m.matrix, m.name, m.rows, n, is_q ? "variables" : m.rule,
+                                        is_q ? MayBeEmpty::always : MayBeEmpty::without_rows));
   }
   for (const auto& vector : vectors) {
-    if (auto valid = check_finite(vector.values, vector.name); !valid) return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(check_finite(vector.values, vector.name));
   }
   if (!std::isfinite(view.c0)) return unexpected(invalid("c0", text_of(view.c0), "must be finite"));
-  if (auto valid = check_symmetry(view.Q, view.hessian_form); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_symmetry(view.Q, view.hessian_form));
   return Problem(view);
 }
 
@@ -248,10 +246,9 @@ Expected<SparseMatrix> compress(Index rows, Index columns, const Triplets& entri
     }
     return {};
   };
-  if (auto valid = check_range(entries.rows, rows, prefix + ".i"); !valid) return unexpected(valid.error());
-  if (auto valid = check_range(entries.columns, columns, prefix + ".j"); !valid)
-    return unexpected(valid.error());
-  if (auto valid = check_finite(entries.values, prefix + ".v"); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_range(entries.rows, rows, prefix + ".i"));
+  MARBLE_RETURN_IF_ERROR(check_range(entries.columns, columns, prefix + ".j"));
+  MARBLE_RETURN_IF_ERROR(check_finite(entries.values, prefix + ".v"));
 
   // Sorts by columns in one pass, then each column by rows; duplicates keep their order.
   std::vector<Index> ends(static_cast<std::size_t>(columns) + 1, 0), order(count);
@@ -320,7 +317,7 @@ Expected<void> PartSizes::check(const ProblemUpdate& update) const {
   }
   for (const auto& part : parts) {
     if (part.values.empty()) continue;
-    if (auto valid = check_numbers(part.values, part.size, part.field); !valid) return valid;
+    MARBLE_RETURN_IF_ERROR(check_numbers(part.values, part.size, part.field));
   }
   return {};
 }

@@ -15,15 +15,14 @@ Expected<void> check_part(std::span<const double> values, std::size_t size, cons
 
 Expected<void> check_rows(const RowsRequest& rows, std::size_t n) {
   if (rows.E.rows < 1) return unexpected(invalid("rows.E.rows", std::to_string(rows.E.rows), "must be >= 1"));
-  if (auto valid = check_matrix(rows.E, "rows.E", static_cast<std::size_t>(rows.E.rows), n, ""); !valid)
-    return valid;
+  MARBLE_RETURN_IF_ERROR(check_matrix(rows.E, "rows.E", static_cast<std::size_t>(rows.E.rows), n, ""));
   // Memory stays in proportion to the request: rows without entries cost nothing to send.
   const std::size_t most = n + rows.E.values.size();
   if (static_cast<std::size_t>(rows.E.rows) > most) {
     return unexpected(invalid("rows.E.rows", std::to_string(rows.E.rows),
                               "must be at most " + std::to_string(most) + ", the variables and entries"));
   }
-  if (auto valid = check_part(rows.proximal, n, "rows.proximal"); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(check_part(rows.proximal, n, "rows.proximal"));
   for (std::size_t j = 0; j < rows.proximal.size(); ++j) {
     if (rows.proximal[j] < 0.0) {
       return unexpected(invalid("rows.proximal", static_cast<std::int64_t>(j),
@@ -90,14 +89,14 @@ SensitivityRequest OwnedSensitivityRequest::view() const {
 
 Expected<void> check(const SensitivityRequest& request, const PartSizes& sizes) {
   if (request.rows) {
-    if (auto valid = check_rows(*request.rows, sizes.g); !valid) return valid;
+    MARBLE_RETURN_IF_ERROR(check_rows(*request.rows, sizes.g));
   }
   const auto& [directions, numbers] = request.directions;
-  if (auto valid = check_count(directions, have_numbers(numbers), "directions.count"); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(check_count(directions, have_numbers(numbers), "directions.count"));
   if (auto valid = times(directions, sizes).check(numbers); !valid)
     return unexpected(inside("directions", valid.error()));
   const auto& [losses, weights] = request.losses;
-  if (auto valid = check_count(losses, have_numbers(weights), "losses.count"); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(check_count(losses, have_numbers(weights), "losses.count"));
   if (auto valid = check(weights, times(losses, sizes)); !valid)
     return unexpected(inside("losses", valid.error()));
   return {};
@@ -109,7 +108,7 @@ Expected<void> check(const AnswerWeights& w, const PartSizes& sizes) {
         std::tuple{w.inequality_multipliers, sizes.d, "inequality_multipliers"},
         std::tuple{w.complementarity_multipliers_L, sizes.l, "complementarity_multipliers_L"},
         std::tuple{w.complementarity_multipliers_R, sizes.r, "complementarity_multipliers_R"}}) {
-    if (auto valid = check_part(values, size, field); !valid) return valid;
+    MARBLE_RETURN_IF_ERROR(check_part(values, size, field));
   }
   return {};
 }

@@ -10,7 +10,7 @@ namespace marble {
 // The path stops whenever κ has fallen by this factor since the last stop.
 Expected<PathConditions> path_conditions(const Problem& problem, const Options& user_options,
                                          const SolveControls& controls) {
-  if (auto valid = validate(user_options); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(validate(user_options));
   const Options options = in_force(user_options);
   const ScaledProblem scaled = scale(problem, options.scaling_passes);
   const Interrupt interrupt(controls.stop);

@@ -66,9 +66,8 @@ const ReferenceMethods& research::reference_methods() {
 
 Expected<Solution> research::solve_in_process(const ProblemView& view, const Options& options,
                                               const SolveControls& controls) {
-  const auto problem = Problem::create(view);
-  if (!problem) return unexpected(problem.error());
-  return solve_once(*problem, options, controls, {.reference_methods = &reference_methods()});
+  MARBLE_ASSIGN_OR_RETURN(const auto problem, Problem::create(view));
+  return solve_once(problem, options, controls, {.reference_methods = &reference_methods()});
 }
 
 Reference::Reference(const ScaledProblem& problem, Kkt& kkt, const Options& options, BranchEngines& branch)

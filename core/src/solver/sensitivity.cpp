@@ -79,7 +79,7 @@ Expected<Sensitivity> Sensitivity::create(const Problem& problem, const Solution
 
 Expected<Sensitivity> Sensitivity::create(const Problem& problem, const Solution& answer,
                                           const SetupControls& controls) {
-  if (auto valid = check_answer(answer, PartSizes::of(problem)); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_answer(answer, PartSizes::of(problem)));
   const Interrupt interrupt(controls.stop, controls.until, controls.pause);
   const double own = bytes_without_factor(problem), limit = static_cast<double>(controls.most_bytes);
   const auto refuse = [&](double bytes) {
@@ -98,13 +98,13 @@ Expected<Sensitivity> Sensitivity::create(const Problem& problem, const Solution
   }
   auto state = std::make_unique<State>(problem, std::move(scaled), std::move(kkt), interrupt);
   state->memory_bytes = static_cast<std::int64_t>(own + state->kkt->bytes());
-  if (auto begun = state->begin(answer); !begun) return unexpected(begun.error());
+  MARBLE_RETURN_IF_ERROR(state->begin(answer));
   return Sensitivity(std::move(state));
 }
 
 Expected<void> Sensitivity::renew(const ProblemUpdate& update, const Solution& answer) {
-  if (auto valid = state_->sizes.check(update); !valid) return valid;
-  if (auto valid = check_answer(answer, state_->sizes); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(state_->sizes.check(update));
+  MARBLE_RETURN_IF_ERROR(check_answer(answer, state_->sizes));
   const bool changed = rescale(update, state_->scaled);
   if (refit_scaling(state_->scaled, kOptions.scaling_passes, changed) || changed)
     state_->kkt->load(state_->scaled);
@@ -147,17 +147,17 @@ Expected<ProblemGradient> Sensitivity::gradient(const AnswerWeights& weights) {
 }
 
 Expected<RowResponse> Sensitivity::rows(const RowsRequest& request) {
-  if (auto valid = check({.rows = request}, state_->sizes); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check({.rows = request}, state_->sizes));
   return state_->counted([&](Run& run) { return state_->derivatives.rows(run, request); });
 }
 
 Expected<SensitivityAnswer> Sensitivity::answer(const SensitivityRequest& request) {
-  if (auto valid = check(request, state_->sizes); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check(request, state_->sizes));
   const std::int32_t factors = factorizations(), solves = back_substitutions();
-  auto answer = state_->counted([&](Run& run) { return state_->derivatives.answer(run, request); });
-  if (!answer) return answer;
-  answer->factorizations = factorizations() - factors;
-  answer->back_substitutions = back_substitutions() - solves;
+  MARBLE_ASSIGN_OR_RETURN(
+      auto answer, state_->counted([&](Run& run) { return state_->derivatives.answer(run, request); }));
+  answer.factorizations = factorizations() - factors;
+  answer.back_substitutions = back_substitutions() - solves;
   return answer;
 }
 

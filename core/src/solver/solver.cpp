@@ -176,9 +176,8 @@ void take_proof(const Strategy::Answer& found, Solution& solution) {
 // depending on the threads; the branch is then factorized again, so that the counters are the same.
 Expected<SensitivityAnswer> sensitivity_of(const Strategy::Answer& found, const SensitivityRequest& request,
                                            BranchDerivatives& derivatives, bool may_reuse_factor, Run& run) {
-  if (auto solved = must_be_solved(found.ending.status); !solved) return unexpected(solved.error());
-  if (auto begun = derivatives.begin(run, *found.x, may_reuse_factor); !begun)
-    return unexpected(begun.error());
+  MARBLE_RETURN_IF_ERROR(must_be_solved(found.ending.status));
+  MARBLE_RETURN_IF_ERROR(derivatives.begin(run, *found.x, may_reuse_factor));
   return derivatives.answer(run, request);
 }
 
@@ -236,7 +235,7 @@ Expected<void> check_warm_start(const Solution& start, const PartSizes& sizes) {
         std::tuple{&start.complementarity_multipliers_L, sizes.l, "warm_start.complementarity_multipliers_L"},
         std::tuple{&start.complementarity_multipliers_R, sizes.r,
                    "warm_start.complementarity_multipliers_R"}}) {
-    if (auto valid = check_numbers(*values, size, field); !valid) return valid;
+    MARBLE_RETURN_IF_ERROR(check_numbers(*values, size, field));
   }
   if (std::isnan(start.reference_objective))
     return unexpected(invalid("warm_start.reference_objective", "nan", "must be a number"));
@@ -251,7 +250,7 @@ Solver::~Solver() = default;
 Expected<Solver> Solver::create(const Problem& problem, const Options& user_options,
                                 const SetupControls& controls) {
   const ReferenceMethods* const methods = controls.reference_methods;
-  if (auto valid = validate_with(methods, user_options); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(validate_with(methods, user_options));
   const Options options = in_force(user_options);
   const Interrupt interrupt(controls.stop, controls.until, controls.pause);
   const auto begin = interrupt.now();
@@ -290,7 +289,7 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& user_opti
 }
 
 Expected<void> Solver::update(const ProblemUpdate& update) {
-  if (auto valid = state_->sizes.check(update); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(state_->sizes.check(update));
   take(update);
   fit_scaling();
   return {};
@@ -315,7 +314,7 @@ void Solver::load_matrices() {
 }
 
 Expected<void> Solver::set_options(const Options& options) {
-  if (auto valid = validate_with(state_->methods, options); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(validate_with(state_->methods, options));
   take(options);
   return {};
 }
@@ -338,12 +337,9 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
 }
 
 Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bool keeps_start) {
-  if (auto valid = Problem::check_initial_point(controls.initial_z, state_->problem.variables()); !valid) {
-    return unexpected(valid.error());
-  }
+  MARBLE_RETURN_IF_ERROR(Problem::check_initial_point(controls.initial_z, state_->problem.variables()));
   if (controls.warm_start != nullptr) {
-    if (auto valid = check_warm_start(*controls.warm_start, state_->sizes); !valid)
-      return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(check_warm_start(*controls.warm_start, state_->sizes));
   }
   if (controls.sensitivity != nullptr) {
     if (auto valid = check(*controls.sensitivity, state_->sizes); !valid)
@@ -452,11 +448,9 @@ void Solver::prepare(const Solution& warm_start, const SolveControls& controls) 
 
 Expected<Solution> solve_once(const Problem& problem, const Options& options, const SolveControls& controls,
                               const SetupControls& setup, const std::function<void(const Solver&)>& ready) {
-  if (auto valid = Problem::check_initial_point(controls.initial_z, problem.variables()); !valid)
-    return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(Problem::check_initial_point(controls.initial_z, problem.variables()));
   if (controls.warm_start != nullptr) {
-    if (auto valid = check_warm_start(*controls.warm_start, PartSizes::of(problem)); !valid)
-      return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(check_warm_start(*controls.warm_start, PartSizes::of(problem)));
   }
   SolveControls own = controls;
   if (!own.begun) own.begun = Interrupt::now(controls.pause);
@@ -491,9 +485,8 @@ Expected<Solution> solve_once(const Problem& problem, const Options& options, co
 
 Expected<Solution> solve_in_process(const ProblemView& view, const Options& options,
                                     const SolveControls& controls) {
-  const auto problem = Problem::create(view);
-  if (!problem) return unexpected(problem.error());
-  return solve_once(*problem, options, controls);
+  MARBLE_ASSIGN_OR_RETURN(const auto problem, Problem::create(view));
+  return solve_once(problem, options, controls);
 }
 
 }  // namespace marble

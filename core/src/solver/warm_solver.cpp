@@ -7,8 +7,8 @@ namespace marble {
 
 Expected<CheckedUpdate> CheckedUpdate::check(const PartSizes& sizes, const ProblemUpdate& numbers,
                                              Restart restart) {
-  if (auto valid = restart.check(sizes); !valid) return unexpected(valid.error());
-  if (auto valid = sizes.check(numbers); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(restart.check(sizes));
+  MARBLE_RETURN_IF_ERROR(sizes.check(numbers));
   return CheckedUpdate(sizes, numbers, std::move(restart));
 }
 
@@ -29,14 +29,12 @@ WarmSolver::WarmSolver(Solver solver, const PartSizes& sizes, double setup_s,
 
 Expected<WarmSolver> WarmSolver::create(const Problem& problem, const Options& options,
                                         std::span<const double> initial_z, const SetupControls& controls) {
-  if (auto valid = Problem::check_initial_point(initial_z, problem.variables()); !valid)
-    return unexpected(valid.error());
-  if (auto valid = validate_without_explain(options); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(Problem::check_initial_point(initial_z, problem.variables()));
+  MARBLE_RETURN_IF_ERROR(validate_without_explain(options));
   const auto begin = std::chrono::steady_clock::now();
-  auto solver = Solver::create(problem, options, controls);
-  if (!solver) return unexpected(solver.error());
+  MARBLE_ASSIGN_OR_RETURN(auto solver, Solver::create(problem, options, controls));
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
-  return WarmSolver(std::move(*solver), PartSizes::of(problem), took.count(), initial_z);
+  return WarmSolver(std::move(solver), PartSizes::of(problem), took.count(), initial_z);
 }
 
 std::int64_t WarmSolver::memory_bytes() const {
@@ -85,7 +83,7 @@ Expected<void> WarmSolver::prepare(const ProblemUpdate& update, const Restart& r
 }
 
 Expected<void> WarmSolver::prepare(const CheckedUpdate& update, const SolveControls& controls) {
-  if (auto taken = take(update); !taken) return taken;
+  MARBLE_RETURN_IF_ERROR(take(update));
   if (newest_ && !solver_.is_unfinished())
     solver_.prepare(*newest_, {.stop = controls.stop, .pause = controls.pause});
   return {};
@@ -96,16 +94,15 @@ Expected<Solution> WarmSolver::solve(const CheckedUpdate& update, const SolveCon
     if (auto valid = check(*controls.sensitivity, sizes_); !valid)
       return unexpected(inside("sensitivity", valid.error()));
   }
-  if (auto taken = take(update); !taken) return unexpected(taken.error());
+  MARBLE_RETURN_IF_ERROR(take(update));
   // Not in prepare(): its numbers may be replaced before a solve, which must not depend on them.
   solver_.fit_scaling();
   SolveControls own = controls;
   own.initial_z = initial_z_;
   own.warm_start = newest_ ? &*newest_ : nullptr;
-  auto solution = solver_.solve(own, true, std::exchange(start_is_new_, false));
-  if (!solution) return solution;
-  solution->times.setup_s = 0.0;
-  take_answer(*solution);
+  MARBLE_ASSIGN_OR_RETURN(auto solution, solver_.solve(own, true, std::exchange(start_is_new_, false)));
+  solution.times.setup_s = 0.0;
+  take_answer(solution);
   return solution;
 }
 

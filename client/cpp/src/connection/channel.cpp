@@ -46,13 +46,10 @@ Expected<std::shared_ptr<grpc::ChannelCredentials>> make_credentials(const Conne
     const char* missing = options.tls_key.empty() ? "tls_key" : "tls_certificate";
     return unexpected(bad_file(missing, "", "certificate and key must be given together"));
   }
-  const auto ca = read_pem("tls_ca", options.tls_ca);
-  if (!ca) return unexpected(ca.error());
-  const auto certificate = read_pem("tls_certificate", options.tls_certificate);
-  if (!certificate) return unexpected(certificate.error());
-  const auto key = read_pem("tls_key", options.tls_key);
-  if (!key) return unexpected(key.error());
-  return grpc::SslCredentials({*ca, *key, *certificate});
+  MARBLE_ASSIGN_OR_RETURN(const auto ca, read_pem("tls_ca", options.tls_ca));
+  MARBLE_ASSIGN_OR_RETURN(const auto certificate, read_pem("tls_certificate", options.tls_certificate));
+  MARBLE_ASSIGN_OR_RETURN(const auto key, read_pem("tls_key", options.tls_key));
+  return grpc::SslCredentials({ca, key, certificate});
 }
 
 namespace {
@@ -99,8 +96,7 @@ std::string service_config(bool several) {
 }  // namespace
 
 Expected<std::shared_ptr<grpc::Channel>> open_channel(const Target& target, const ConnectOptions& options) {
-  const auto credentials = make_credentials(options);
-  if (!credentials) return unexpected(credentials.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto credentials, make_credentials(options));
   grpc::ChannelArguments arguments;
   const std::string& server_name =
       options.tls_server_name.empty() ? target.authority : options.tls_server_name;
@@ -120,7 +116,7 @@ Expected<std::shared_ptr<grpc::Channel>> open_channel(const Target& target, cons
   if (options.own_connection) arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   // http_proxy is set for browsers; a solver on loopback or in the same rack is not behind it.
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  return grpc::CreateCustomChannel(target.name, *credentials, arguments);
+  return grpc::CreateCustomChannel(target.name, credentials, arguments);
 }
 
 }  // namespace marble::client

@@ -48,12 +48,10 @@ void set_deadline(std::chrono::duration<double> from_now, grpc::ClientContext& c
 
 Expected<std::shared_ptr<const Connection>> Connection::open(const std::string& address,
                                                              const ConnectOptions& options) {
-  if (auto valid = check(options); !valid) return unexpected(valid.error());
-  const auto target = target_of(address);
-  if (!target) return unexpected(target.error());
-  const auto channel = open_channel(*target, options);
-  if (!channel) return unexpected(channel.error());
-  return std::shared_ptr<const Connection>(new Connection(address, *target, *channel, options));
+  MARBLE_RETURN_IF_ERROR(check(options));
+  MARBLE_ASSIGN_OR_RETURN(const auto target, target_of(address));
+  MARBLE_ASSIGN_OR_RETURN(const auto channel, open_channel(target, options));
+  return std::shared_ptr<const Connection>(new Connection(address, target, channel, options));
 }
 
 Expected<std::vector<std::shared_ptr<const Connection>>> Connection::each(
@@ -65,9 +63,8 @@ Expected<std::vector<std::shared_ptr<const Connection>>> Connection::each(
   if (wants_tls(options) && options.tls_server_name.empty()) options.tls_server_name = all->target_.authority;
   std::vector<std::shared_ptr<const Connection>> result;
   for (const std::string& address : addresses) {
-    auto one = open(address, options);
-    if (!one) return unexpected(one.error());
-    result.push_back(*std::move(one));
+    MARBLE_ASSIGN_OR_RETURN(auto one, open(address, options));
+    result.push_back(std::move(one));
   }
   return result;
 }
@@ -95,9 +92,8 @@ Expected<std::shared_ptr<v1::Solver::Stub>> Connection::solver_for_stream() cons
   if (lane == nullptr) {
     ConnectOptions own = options_;
     own.own_connection = true;
-    const auto channel = open_channel(target_, own);
-    if (!channel) return unexpected(channel.error());
-    lane = lanes_.emplace_back(std::make_shared<Lane>(v1::Solver::NewStub(*channel)));
+    MARBLE_ASSIGN_OR_RETURN(const auto channel, open_channel(target_, own));
+    lane = lanes_.emplace_back(std::make_shared<Lane>(v1::Solver::NewStub(channel)));
   }
   ++lane->streams;
   return std::shared_ptr<v1::Solver::Stub>(lane->solver.get(),
@@ -111,7 +107,7 @@ void Connection::prepare(grpc::ClientContext& context,
 
 Expected<void> Connection::prepare(grpc::ClientContext& context, const std::string& traceparent,
                                    std::optional<std::chrono::duration<double>> deadline) const {
-  if (auto valid = check_traceparent(traceparent); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(check_traceparent(traceparent));
   add(context, traceparent.empty() ? options_.traceparent : traceparent, deadline);
   return {};
 }

@@ -88,19 +88,19 @@ std::vector<std::string> each_address(const std::string& address) {
 
 Expected<Target> target_of(const std::string& address) {
   if (address.rfind(kDnsPrefix, 0) == 0) {
-    if (auto valid = check(address.substr(kDnsPrefix.size())); !valid) return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(check(address.substr(kDnsPrefix.size())));
     return Target{address, "", true};
   }
   const bool unix_path = address.rfind(kUnixPrefix, 0) == 0;  // may contain a comma
   const std::vector<std::string> parts = split(address);
   if (parts.size() == 1 || unix_path) {
-    if (auto valid = check(address); !valid) return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(check(address));
     return Target{address, "", false};
   }
   std::string list;
   int family = AF_UNSPEC;
   for (const std::string& part : parts) {
-    if (auto valid = check(part); !valid) return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(check(part));
     if (part.rfind(kUnixPrefix, 0) == 0 || part.rfind(kDnsPrefix, 0) == 0)
       return unexpected(bad_address(part, "cannot be one of several: only host:port can"));
     const auto endpoint = look_up(part);

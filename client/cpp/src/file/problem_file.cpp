@@ -75,12 +75,11 @@ Expected<ProblemFile> parse_problem(std::string_view content, FileFormat format,
 }
 
 Expected<ProblemFile> read_problem(const std::string& path) {
-  const auto content = client::read_content(path);
-  if (!content) return unexpected(content.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto content, client::read_content(path));
   const std::string name = client::name_of_file(path);
-  if (const auto format = format_of_path(path)) return parse_problem(*content, *format, name);
-  const FileFormat format = format_of_content(*content);
-  auto file = parse_problem(*content, format, name);
+  if (const auto format = format_of_path(path)) return parse_problem(content, *format, name);
+  const FileFormat format = format_of_content(content);
+  auto file = parse_problem(content, format, name);
   const bool parsed = file || !file.error().field.empty();
   if (!parsed && format == FileFormat::binary) {
     return unexpected(

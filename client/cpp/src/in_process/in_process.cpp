@@ -53,7 +53,7 @@ void ThinnedProgress::report(const Progress& progress) {
 
 Expected<RemoteSolution> solve_locally(const ProblemView& problem, const Options& options,
                                        const SolveControls& controls, const CallControls& call) {
-  if (auto valid = validate(options); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(validate(options));
   const DeadlineLimit deadline(call.deadline);
   ThinnedProgress progress(controls.progress, call.progress_interval_s, call.iterate_every);
   if (call.started) call.started(0.0);

@@ -24,30 +24,26 @@ class InProcessPending final : public PendingSolution::State {
 
   // The solver copies the problem; afterwards its arrays belong to the caller again.
   [[nodiscard]] Expected<void> begin(const ProblemView& view, const Options& options) {
-    const auto problem = Problem::create(view);
-    if (!problem) return unexpected(problem.error());
-    if (auto valid = Problem::check_initial_point(controls_.initial_z, problem->variables()); !valid)
-      return valid;
+    MARBLE_ASSIGN_OR_RETURN(const auto problem, Problem::create(view));
+    MARBLE_RETURN_IF_ERROR(Problem::check_initial_point(controls_.initial_z, problem.variables()));
     if (controls_.warm_start != nullptr) {
-      if (auto valid = check_warm_start(*controls_.warm_start, PartSizes::of(*problem)); !valid) return valid;
+      MARBLE_RETURN_IF_ERROR(check_warm_start(*controls_.warm_start, PartSizes::of(problem)));
       controls_.warm_start = &warm_start_.emplace(*controls_.warm_start);
     }
     if (controls_.sensitivity != nullptr) {
-      if (auto valid = check(*controls_.sensitivity, PartSizes::of(*problem)); !valid)
+      if (auto valid = check(*controls_.sensitivity, PartSizes::of(problem)); !valid)
         return unexpected(inside("sensitivity", valid.error()));
       marble::to_message(*controls_.sensitivity, &sensitivity_copy_);
       controls_.sensitivity = &sensitivity_.emplace(request_of(sensitivity_copy_));
     }
     options_ = deadline_.limit(options);
-    auto solver = Solver::create(*problem, options_);
-    if (!solver) return unexpected(solver.error());
+    MARBLE_ASSIGN_OR_RETURN(auto solver, Solver::create(problem, options_));
     if (options.explain) {  // explain reads the problem after the solve
       marble::to_message(view, &problem_copy_);
-      auto copy = Problem::create(view_of(problem_copy_));
-      if (!copy) return unexpected(copy.error());
-      problem_.emplace(*copy);
+      MARBLE_ASSIGN_OR_RETURN(auto copy, Problem::create(view_of(problem_copy_)));
+      problem_.emplace(copy);
     } else {
-      solver_ = std::move(*solver);
+      solver_ = std::move(solver);
     }
     initial_z_.assign(controls_.initial_z.begin(), controls_.initial_z.end());
     controls_.initial_z = initial_z_;
@@ -92,9 +88,9 @@ class InProcessPending final : public PendingSolution::State {
 
 Expected<PendingSolution> begin_solve_locally(const ProblemView& problem, const Options& options,
                                               const SolveControls& controls, const CallControls& call) {
-  if (auto valid = validate(options); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(validate(options));
   auto state = std::make_unique<InProcessPending>(controls, call);
-  if (auto begun = state->begin(problem, options); !begun) return unexpected(begun.error());
+  MARBLE_RETURN_IF_ERROR(state->begin(problem, options));
   return PendingSolution(std::move(state));
 }
 

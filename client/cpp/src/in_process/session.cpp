@@ -24,11 +24,11 @@ class InProcessSession final : public Session::State {
 
   Expected<RemoteSolution> solve(const ProblemUpdate& update, const UpdateControls& controls) override {
     if (!is_open()) return unexpected(reason());
-    if (auto taken = take(controls.options); !taken) return unexpected(taken.error());
+    MARBLE_RETURN_IF_ERROR(take(controls.options));
     ++sequence_;
     const DeadlineLimit deadline(controls.deadline);
     ThinnedProgress progress(reports_ ? controls.progress : nullptr, interval_s_, iterate_every_);
-    if (auto set = solver_.set_options(deadline.limit(options_)); !set) return unexpected(set.error());
+    MARBLE_RETURN_IF_ERROR(solver_.set_options(deadline.limit(options_)));
     return deadline.answer_of_session(
         solver_.solve(update, {controls.initial_z, controls.cold, controls.shift},
                       {.progress = progress.sink(), .stop = stop_, .sensitivity = controls.sensitivity}));
@@ -36,11 +36,10 @@ class InProcessSession final : public Session::State {
 
   Expected<std::int64_t> prepare(const ProblemUpdate& update, const UpdateControls& controls) override {
     if (!is_open()) return unexpected(reason());
-    if (auto taken = take(controls.options); !taken) return unexpected(taken.error());
-    if (auto set = solver_.set_options(options_); !set) return unexpected(set.error());
-    auto prepared =
-        solver_.prepare(update, {controls.initial_z, controls.cold, controls.shift}, {.stop = stop_});
-    if (!prepared) return unexpected(prepared.error());
+    MARBLE_RETURN_IF_ERROR(take(controls.options));
+    MARBLE_RETURN_IF_ERROR(solver_.set_options(options_));
+    MARBLE_RETURN_IF_ERROR(
+        solver_.prepare(update, {controls.initial_z, controls.cold, controls.shift}, {.stop = stop_}));
     return ++sequence_;
   }
 
@@ -76,7 +75,7 @@ class InProcessSession final : public Session::State {
  private:
   [[nodiscard]] Expected<void> take(const std::optional<Options>& options) {
     if (!options) return {};
-    if (auto valid = validate_without_explain(*options); !valid) return valid;
+    MARBLE_RETURN_IF_ERROR(validate_without_explain(*options));
     options_ = *options;
     return {};
   }
@@ -98,11 +97,9 @@ class InProcessSession final : public Session::State {
 Expected<std::unique_ptr<Session::State>> open_session_in_process(const ProblemView& view,
                                                                   const Options& options,
                                                                   const SessionOptions& session) {
-  const auto problem = Problem::create(view);
-  if (!problem) return unexpected(problem.error());
-  auto solver = WarmSolver::create(*problem, options, session.initial_z);
-  if (!solver) return unexpected(solver.error());
-  return std::make_unique<InProcessSession>(std::move(*solver), options, session);
+  MARBLE_ASSIGN_OR_RETURN(const auto problem, Problem::create(view));
+  MARBLE_ASSIGN_OR_RETURN(auto solver, WarmSolver::create(problem, options, session.initial_z));
+  return std::make_unique<InProcessSession>(std::move(solver), options, session);
 }
 
 }  // namespace marble::client

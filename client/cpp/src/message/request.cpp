@@ -27,7 +27,7 @@ static_assert(static_cast<int>(Priority::by_method) == v1::PRIORITY_UNSPECIFIED 
 v1::Priority to_message(Priority priority) { return static_cast<v1::Priority>(static_cast<int>(priority)); }
 
 Expected<void> fill_request(const RequestParts& parts, v1::SolveRequest* request) {
-  if (auto valid = check_request_id(parts.request_id); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(check_request_id(parts.request_id));
   marble::to_message(parts.problem, request->mutable_problem());
   request->mutable_problem()->set_name(message_text(parts.problem_name, contract::longest_problem_name));
   marble::to_message(parts.options, request->mutable_options());
@@ -45,10 +45,10 @@ Expected<v1::SolveStreamRequest> make_request(const ProblemView& problem, const 
   const RequestParts parts{
       problem,         options,           controls.initial_z, controls.warm_start, controls.sensitivity,
       call.request_id, call.problem_name, call.priority};
-  if (auto filled = fill_request(parts, request.mutable_solve()); !filled) return unexpected(filled.error());
+  MARBLE_RETURN_IF_ERROR(fill_request(parts, request.mutable_solve()));
   request.set_progress_interval_s(call.progress_interval_s);
   request.set_iterate_every(call.iterate_every);
-  if (auto fits = check_size(request); !fits) return unexpected(fits.error());
+  MARBLE_RETURN_IF_ERROR(check_size(request));
   return request;
 }
 

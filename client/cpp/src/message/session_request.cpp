@@ -34,7 +34,7 @@ void fill(const Shift& shift, v1::Shift* message) {
 
 Expected<v1::SessionRequest> make_setup(const ProblemView& problem, const Options& options,
                                         const SessionOptions& session) {
-  if (auto valid = check_request_id(session.request_id); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_request_id(session.request_id));
   v1::SessionRequest request;
   v1::SessionSetup* setup = request.mutable_setup();
   marble::to_message(problem, setup->mutable_problem());
@@ -47,7 +47,7 @@ Expected<v1::SessionRequest> make_setup(const ProblemView& problem, const Option
   setup->set_progress(session.progress);
   setup->set_progress_interval_s(session.progress_interval_s);
   setup->set_iterate_every(session.iterate_every);
-  if (auto fits = check_size(request); !fits) return unexpected(fits.error());
+  MARBLE_RETURN_IF_ERROR(check_size(request));
   return request;
 }
 
@@ -69,7 +69,7 @@ Expected<v1::SessionRequest> make_update(std::int64_t epoch, std::int64_t sequen
   if (controls.sensitivity != nullptr)
     marble::to_message(*controls.sensitivity, message->mutable_sensitivity());
   if (controls.deadline) message->set_deadline_s(std::max(controls.deadline->count(), kPassed));
-  if (auto fits = check_size(request); !fits) return unexpected(fits.error());
+  MARBLE_RETURN_IF_ERROR(check_size(request));
   return request;
 }
 

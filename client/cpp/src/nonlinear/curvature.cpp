@@ -41,8 +41,7 @@ Expected<Model> Model::create(Curvature kind, Functions& functions, const Point&
   const auto n = static_cast<Index>(functions.variables());
   for (const double scale : functions.scale()) made.inverse_scale_squared_.push_back(1.0 / (scale * scale));
   if (kind == Curvature::exact) {
-    if (auto given = functions.hessian(point, multipliers, made.hessian_); !given)
-      return unexpected(given.error());
+    MARBLE_RETURN_IF_ERROR(functions.hessian(point, multipliers, made.hessian_));
     const SparseMatrix& H = made.hessian_;
     made.upper_ = pattern(n, [&](Index j, std::vector<Index>& rows) {
       rows.insert(rows.end(), H.row_indices.begin() + H.column_pointers[j],
@@ -91,7 +90,7 @@ Expected<void> Model::move(Functions& functions, const Point& point, const Linea
                            std::span<const double> change) {
   const double sigma = std::exchange(sigma_, 0.0);
   if (kind_ == Curvature::exact) {
-    if (auto given = functions.hessian(point, multipliers, hessian_); !given) return given;
+    MARBLE_RETURN_IF_ERROR(functions.hessian(point, multipliers, hessian_));
     take_hessian(step, change);
   } else if (kind_ == Curvature::gauss_newton) {
     take_gauss_newton(at.residuals);

@@ -92,7 +92,7 @@ Expected<void> keep(const SparseMatrixView& given, std::size_t rows, std::size_t
     kept.rows = static_cast<Index>(rows), kept.columns = static_cast<Index>(columns);
     kept.column_pointers.assign(columns + 1, 0);
     if (rows == 0 && given.rows == 0) return {};
-    if (auto valid = check_pattern(given, rows, columns, field); !valid) return valid;
+    MARBLE_RETURN_IF_ERROR(check_pattern(given, rows, columns, field));
     kept.column_pointers.assign(given.column_pointers.begin(), given.column_pointers.end());
     kept.row_indices.assign(given.row_indices.begin(), given.row_indices.end());
   } else if (rows != 0 || given.rows != 0) {
@@ -107,8 +107,8 @@ Expected<void> keep(const SparseMatrixView& given, std::size_t rows, std::size_t
               ? "must not be there: patterns are fixed, as at the first point"
               : "must stay " + std::to_string(*here) + ": patterns are fixed, as at the first point"));
     };
-    if (auto same = stay(given.column_pointers, kept.column_pointers, ".column_pointers"); !same) return same;
-    if (auto same = stay(given.row_indices, kept.row_indices, ".row_indices"); !same) return same;
+    MARBLE_RETURN_IF_ERROR(stay(given.column_pointers, kept.column_pointers, ".column_pointers"));
+    MARBLE_RETURN_IF_ERROR(stay(given.row_indices, kept.row_indices, ".row_indices"));
     if (given.values.size() != kept.row_indices.size())
       return unexpected(invalid(std::string(field) + ".values", std::to_string(given.values.size()),
                                 "must be as many as row_indices"));
@@ -134,29 +134,25 @@ Expected<Functions> Functions::create(const Problem& problem) {
   if (n == 0) return unexpected(invalid("start", "must have an entry for each variable"));
   if (!problem.values) return unexpected(invalid("values", "must be a function"));
   if (!problem.derivatives) return unexpected(invalid("derivatives", "must be a function"));
-  if (auto finite = check_numbers(problem.start, n, "start"); !finite) return unexpected(finite.error());
-  auto lower = of_size(problem.lower, n, -kInfinity, "lower");
-  if (!lower) return unexpected(lower.error());
-  auto upper = of_size(problem.upper, n, kInfinity, "upper");
-  if (!upper) return unexpected(upper.error());
-  auto scale = of_size(problem.scale, n, 1.0, "scale");
-  if (!scale) return unexpected(scale.error());
-  auto blocks = block_sizes(problem.blocks, n);
-  if (!blocks) return unexpected(blocks.error());
+  MARBLE_RETURN_IF_ERROR(check_numbers(problem.start, n, "start"));
+  MARBLE_ASSIGN_OR_RETURN(auto lower, of_size(problem.lower, n, -kInfinity, "lower"));
+  MARBLE_ASSIGN_OR_RETURN(auto upper, of_size(problem.upper, n, kInfinity, "upper"));
+  MARBLE_ASSIGN_OR_RETURN(auto scale, of_size(problem.scale, n, 1.0, "scale"));
+  MARBLE_ASSIGN_OR_RETURN(auto blocks, block_sizes(problem.blocks, n));
   made.start_ = problem.start;
   for (std::size_t j = 0; j < n; ++j) {
     const auto index = static_cast<std::int64_t>(j);
-    if (!((*lower)[j] <= (*upper)[j]) || (*lower)[j] >= infinite_limit || (*upper)[j] <= -infinite_limit)
-      return unexpected(invalid("lower", index, std::to_string((*lower)[j]),
-                                "must be <= upper, " + std::to_string((*upper)[j])));
-    if (!((*scale)[j] > 0.0 && (*scale)[j] < kInfinity))
-      return unexpected(invalid("scale", index, std::to_string((*scale)[j]), "must be finite and > 0"));
-    if ((*lower)[j] <= -infinite_limit) (*lower)[j] = -kInfinity;
-    if ((*upper)[j] >= infinite_limit) (*upper)[j] = kInfinity;
-    made.start_[j] = std::clamp(made.start_[j], (*lower)[j], (*upper)[j]);
+    if (!(lower[j] <= upper[j]) || lower[j] >= infinite_limit || upper[j] <= -infinite_limit)
+      return unexpected(
+          invalid("lower", index, std::to_string(lower[j]), "must be <= upper, " + std::to_string(upper[j])));
+    if (!(scale[j] > 0.0 && scale[j] < kInfinity))
+      return unexpected(invalid("scale", index, std::to_string(scale[j]), "must be finite and > 0"));
+    if (lower[j] <= -infinite_limit) lower[j] = -kInfinity;
+    if (upper[j] >= infinite_limit) upper[j] = kInfinity;
+    made.start_[j] = std::clamp(made.start_[j], lower[j], upper[j]);
   }
-  made.lower_ = std::move(*lower), made.upper_ = std::move(*upper), made.scale_ = std::move(*scale);
-  made.blocks_ = std::move(*blocks);
+  made.lower_ = std::move(lower), made.upper_ = std::move(upper), made.scale_ = std::move(scale);
+  made.blocks_ = std::move(blocks);
   return made;
 }
 
@@ -196,7 +192,7 @@ Expected<void> Functions::values(Point& point) {
     for (std::size_t i = 0; i < rows_->size(); ++i) (*rows_)[i] = parts[i].size();
   }
   for (std::size_t i = 0; i < rows_->size(); ++i) {
-    if (auto fits = keep(parts[i], (*rows_)[i], kFields[i], point, *kept[i]); !fits) return fits;
+    MARBLE_RETURN_IF_ERROR(keep(parts[i], (*rows_)[i], kFields[i], point, *kept[i]));
   }
   point.objective = given.objective + 0.5 * dot(point.residuals, point.residuals);
   return {};
@@ -223,7 +219,7 @@ Expected<void> Functions::derivatives(const Point& point, Linearisation& lineari
         std::tuple{&given.G, point.G.size(), &at.G, "derivatives.G"},
         std::tuple{&given.H, point.H.size(), &at.H, "derivatives.H"},
         std::tuple{&given.residuals, point.residuals.size(), &at.residuals, "derivatives.residuals"}}) {
-    if (auto fits = keep(*part, rows, n, field, *kept, &at.fault); !fits) return fits;
+    MARBLE_RETURN_IF_ERROR(keep(*part, rows, n, field, *kept, &at.fault));
   }
   add_transposed(at.residuals, point.residuals, 1.0, at.gradient);
   return {};
@@ -232,7 +228,7 @@ Expected<void> Functions::derivatives(const Point& point, Linearisation& lineari
 Expected<void> Functions::hessian(const Point& point, const Multipliers& multipliers, SparseMatrix& upper) {
   const SparseMatrixView given = problem_->hessian(point.x, multipliers);
   const std::size_t n = variables();
-  if (auto fits = keep(given, n, n, "hessian", upper, nullptr); !fits) return fits;
+  MARBLE_RETURN_IF_ERROR(keep(given, n, n, "hessian", upper, nullptr));
   for (std::size_t j = 0; j < n; ++j) {
     const Index end = upper.column_pointers[j + 1];
     if (end > upper.column_pointers[j] && static_cast<std::size_t>(upper.row_indices[end - 1]) > j)
@@ -265,22 +261,20 @@ Expected<void> compare(double given, double difference, double tolerance, const 
 }  // namespace
 
 Expected<void> check_derivatives(const Problem& problem, std::span<const double> x, double tolerance) {
-  auto functions = Functions::create(problem);
-  if (!functions) return unexpected(functions.error());
-  const std::size_t n = functions->variables();
-  if (auto finite = check_numbers(x, n, "x"); !finite) return finite;
+  MARBLE_ASSIGN_OR_RETURN(auto functions, Functions::create(problem));
+  const std::size_t n = functions.variables();
+  MARBLE_RETURN_IF_ERROR(check_numbers(x, n, "x"));
   Point here;
   here.x.assign(x.begin(), x.end());
   Point above = here, below = here;
   Linearisation at;
-  if (auto given = functions->values(here); !given) return given;
-  if (auto given = functions->derivatives(here, at); !given) return given;
+  MARBLE_RETURN_IF_ERROR(functions.values(here));
+  MARBLE_RETURN_IF_ERROR(functions.derivatives(here, at));
   if (at.fault) return unexpected(*at.fault);
   for (std::size_t j = 0; j < n; ++j) {
     const double h = tuning::difference * std::max(1.0, std::abs(x[j]));
     above.x[j] = x[j] + h, below.x[j] = x[j] - h;
-    for (Point* point : {&above, &below})
-      if (auto given = functions->values(*point); !given) return given;
+    for (Point* point : {&above, &below}) MARBLE_RETURN_IF_ERROR(functions.values(*point));
     above.x[j] = below.x[j] = x[j];
     for (const Point* point : {&here, &above, &below})
       if (point->fault) return unexpected(*point->fault);
@@ -288,21 +282,19 @@ Expected<void> check_derivatives(const Problem& problem, std::span<const double>
                            const SparseMatrix& jacobian, const char* field) -> Expected<void> {
       for (std::size_t i = 0; i < up.size(); ++i) {
         const double given = entry(jacobian, static_cast<Index>(i), static_cast<Index>(j));
-        if (auto same = compare(given, (up[i] - down[i]) / (2.0 * h), tolerance, field, i, j); !same)
-          return same;
+        MARBLE_RETURN_IF_ERROR(compare(given, (up[i] - down[i]) / (2.0 * h), tolerance, field, i, j));
       }
       return {};
     };
     const double slope = (above.objective - below.objective) / (2.0 * h);
-    if (auto same = compare(at.gradient[j], slope, tolerance, "derivatives.gradient", j, j); !same)
-      return same;
+    MARBLE_RETURN_IF_ERROR(compare(at.gradient[j], slope, tolerance, "derivatives.gradient", j, j));
     for (const auto& [up, down, jacobian, field] :
          {std::tuple{&above.equalities, &below.equalities, &at.equalities, "derivatives.equalities"},
           std::tuple{&above.inequalities, &below.inequalities, &at.inequalities, "derivatives.inequalities"},
           std::tuple{&above.G, &below.G, &at.G, "derivatives.G"},
           std::tuple{&above.H, &below.H, &at.H, "derivatives.H"},
           std::tuple{&above.residuals, &below.residuals, &at.residuals, "derivatives.residuals"}}) {
-      if (auto same = agree(*up, *down, *jacobian, field); !same) return same;
+      MARBLE_RETURN_IF_ERROR(agree(*up, *down, *jacobian, field));
     }
   }
   return {};

@@ -16,7 +16,7 @@ double Loop::predicted_decrease() const {
 // Computes the actual decrease over the predicted one.
 Expected<void> Loop::judge() {
   for (std::size_t j = 0; j < step_.d.size(); ++j) trial_.x[j] = point_.x[j] + step_.d[j];
-  if (auto given = functions_.values(trial_); !given) return given;
+  MARBLE_RETURN_IF_ERROR(functions_.values(trial_));
   if (trial_.fault) return {};
   actual_ = merit(point_) - merit(trial_);
   ratio_ = std::max(predicted_, std::abs(actual_)) <= noise() ? 1.0 : actual_ / predicted_;
@@ -28,9 +28,8 @@ Expected<void> Loop::correct() {
   if (trial_.fault || weights_->penalty(rows_of(trial_)) <= weights_->penalty(step_.rows())) return {};
   auto& subproblem = *subproblem_[static_cast<int>(Kind::plain)];
   subproblem.correct(trial_, step_);
-  auto found = ask_prepared(Kind::plain);
-  if (!found) return unexpected(found.error());
-  if (!*found) return limit_.reset(), Expected<void>{};
+  MARBLE_ASSIGN_OR_RETURN(auto found, ask_prepared(Kind::plain));
+  if (!found) return limit_.reset(), Expected<void>{};
   std::swap(trial_, best_trial_);
   const double ratio = ratio_, actual = actual_;
   std::swap(step_.d, tried_.d);
@@ -60,7 +59,7 @@ Expected<void> Loop::lengthen() {
     for (std::size_t j = 0; j < step_.d.size(); ++j)
       best_trial_.x[j] =
           std::clamp(point_.x[j] + next * step_.d[j], functions_.lower()[j], functions_.upper()[j]);
-    if (auto given = functions_.values(best_trial_); !given) return given;
+    MARBLE_RETURN_IF_ERROR(functions_.values(best_trial_));
     if (best_trial_.fault || !(merit(best_trial_) < lowest) ||
         weights_->penalty(rows_of(best_trial_)) > penalty)
       break;

@@ -222,18 +222,17 @@ struct RealTime::State {
 };
 
 Expected<void> RealTime::State::begin(const OpenTicks& opens) {
-  if (auto valid = check_real_time(settings); !valid) return valid;
-  if (auto valid = embedding.check(); !valid) return valid;
-  auto made = Functions::create(embedding.problem());
-  if (!made) return unexpected(made.error());
-  functions.emplace(std::move(*made));
+  MARBLE_RETURN_IF_ERROR(check_real_time(settings));
+  MARBLE_RETURN_IF_ERROR(embedding.check());
+  MARBLE_ASSIGN_OR_RETURN(auto made, Functions::create(embedding.problem()));
+  functions.emplace(std::move(made));
   const std::size_t n = functions->variables();
   point.x.assign(functions->start().begin(), functions->start().end());
   returned = point.x;
-  if (auto given = functions->values(point); !given) return given;
+  MARBLE_RETURN_IF_ERROR(functions->values(point));
   if (point.fault) return unexpected(*point.fault);
-  if (auto valid = embedding.check_rows(point); !valid) return valid;
-  if (auto given = functions->derivatives(point, at); !given) return given;
+  MARBLE_RETURN_IF_ERROR(embedding.check_rows(point));
+  MARBLE_RETURN_IF_ERROR(functions->derivatives(point, at));
   if (at.fault) return unexpected(*at.fault);
 
   PartSizes sizes;  // the caller's
@@ -259,9 +258,7 @@ Expected<void> RealTime::State::begin(const OpenTicks& opens) {
       m.G.assign(sizes.l, 0.0);
   m.H.assign(sizes.l, 0.0), m.bounds.assign(n, 0.0);
   step.d.assign(n, 0.0), no_step.assign(n, 0.0), unmeasured.assign(embedding.size(), 0.0);
-  auto model = Model::create(kind, *functions, point, at, m);
-  if (!model) return unexpected(model.error());
-  B = std::move(*model);
+  MARBLE_ASSIGN_OR_RETURN(B, Model::create(kind, *functions, point, at, m));
   B->shift(settings.diagonal);
   weights.emplace(rows_of(point), tuning::first_weight);
   subproblem.emplace(at, B->upper(), false);
@@ -287,10 +284,8 @@ Expected<std::unique_ptr<Ticks>> RealTime::State::open(const OpenTicks& opens, c
 Expected<void> RealTime::State::prepare() {
   prepared = false;
   if (std::exchange(due, false)) move();
-  if (auto done = linearise(); !done) return done;
-  auto taken = ticks->prepare(subproblem->update(), first_part());
-  if (!taken) return unexpected(taken.error());
-  sent = *taken;
+  MARBLE_RETURN_IF_ERROR(linearise());
+  MARBLE_ASSIGN_OR_RETURN(sent, ticks->prepare(subproblem->update(), first_part()));
   if (sent) shift_due = false;
   prepared = true;
   return {};
@@ -307,11 +302,11 @@ void RealTime::State::move() {
 }
 
 Expected<void> RealTime::State::linearise() {
-  if (auto given = functions->values(point); !given) return given;
+  MARBLE_RETURN_IF_ERROR(functions->values(point));
   if (point.fault) return unexpected(*point.fault);
-  if (auto given = functions->derivatives(point, at); !given) return given;
+  MARBLE_RETURN_IF_ERROR(functions->derivatives(point, at));
   if (at.fault) return unexpected(*at.fault);
-  if (auto moved = B->move(*functions, point, at, step.multipliers, {}, {}); !moved) return moved;
+  MARBLE_RETURN_IF_ERROR(B->move(*functions, point, at, step.multipliers, {}, {}));
   B->shift(settings.diagonal);
   for (std::size_t k = 0; k < unmeasured.size(); ++k)
     unmeasured[k] =
@@ -324,10 +319,9 @@ Expected<RealTimeTick> RealTime::State::feedback(std::span<const double> measure
   const auto begun = Clock::now();
   const auto elapsed_s = [&] { return std::chrono::duration<double>(Clock::now() - begun).count(); };
   const auto left_s = [&] { return std::max(0.0, deadline_s - elapsed_s()); };
-  if (auto valid = check_numbers(measurement, embedding.size(), "measurement"); !valid)
-    return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_numbers(measurement, embedding.size(), "measurement"));
   if (!prepared) {
-    if (auto done = prepare(); !done) return unexpected(done.error());
+    MARBLE_RETURN_IF_ERROR(prepare());
   }
   prepared = false;
   for (std::size_t k = 0; k < measurement.size(); ++k)
@@ -406,7 +400,7 @@ Expected<bool> RealTime::State::ask_elastic(double deadline_s, RealTimeTick& tic
 }
 
 Expected<void> RealTime::State::restart(std::span<const double> x) {
-  if (auto valid = check_numbers(x, point.x.size(), "x"); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(check_numbers(x, point.x.size(), "x"));
   point.x.assign(x.begin(), x.end());
   returned = point.x;
   due = prepared = false;
@@ -422,7 +416,7 @@ Expected<RealTime> RealTime::create(const Problem& problem, const Measured& meas
                                     const RealTimeSettings& settings) {
   return or_out_of_memory([&]() -> Expected<RealTime> {
     auto state = std::make_unique<State>(problem, measured, settings);
-    if (auto begun = state->begin(open); !begun) return unexpected(begun.error());
+    MARBLE_RETURN_IF_ERROR(state->begin(open));
     return RealTime(std::move(state));
   });
 }

@@ -28,9 +28,8 @@ class Reference {
   }
 
   Expected<Answer> run() {
-    auto own = Functions::create(auxiliary_.problem());
-    if (!own) return unexpected(own.error());
-    Loop loop(auxiliary_.problem(), std::move(*own), open_, inner_);
+    MARBLE_ASSIGN_OR_RETURN(auto own, Functions::create(auxiliary_.problem()));
+    Loop loop(auxiliary_.problem(), std::move(own), open_, inner_);
     loop.set_stationary(kReducedKkt);  // slopes of large weights leave no more digits
     for (auxiliary_.set_weight(mu_);;) {
       inner_.iteration_limit = settings_.iteration_limit - iterations_;
@@ -136,7 +135,7 @@ Expected<Answer> solve_reference(const Problem& problem, Functions functions, co
                                  const Settings& settings) {
   Point first;
   first.x.assign(functions.start().begin(), functions.start().end());
-  if (auto given = functions.values(first); !given) return unexpected(given.error());
+  MARBLE_RETURN_IF_ERROR(functions.values(first));
   try {
     return Reference(problem, std::move(functions), std::move(first), open, settings).run();
   } catch (Refused& refused) {
@@ -159,12 +158,11 @@ Expected<Method> method_of(std::string_view name) {
 }
 
 Expected<Answer> solve(const Problem& problem, const OpenTicks& open, const Settings& settings) {
-  if (auto valid = check(settings); !valid) return unexpected(valid.error());
-  auto functions = Functions::create(problem);
-  if (!functions) return unexpected(functions.error());
+  MARBLE_RETURN_IF_ERROR(check(settings));
+  MARBLE_ASSIGN_OR_RETURN(auto functions, Functions::create(problem));
   return or_out_of_memory([&] {
-    return is_reference(settings.method) ? solve_reference(problem, std::move(*functions), open, settings)
-                                         : Loop(problem, std::move(*functions), open, settings).run();
+    return is_reference(settings.method) ? solve_reference(problem, std::move(functions), open, settings)
+                                         : Loop(problem, std::move(functions), open, settings).run();
   });
 }
 

@@ -68,29 +68,27 @@ Expected<RetrospectiveAnswer> solve_levels(const SampledProblem& sampled, Functi
   for (;; ++level.level) {
     sampled.use_samples(level.samples);
     if (!s.carry_curvature && level.level > 0) loop.forget_curvature();
-    auto answer = loop.run(
-        LevelTolerance{s.test, reduction, s.tolerance / std::sqrt(static_cast<double>(level.samples))});
-    if (!answer) return unexpected(std::move(answer.error()));
-    level.status = answer->status;
-    level.objective = answer->objective, level.violation = answer->violation;
-    level.kkt_residual = answer->kkt_residual;
-    level.iterations = answer->iterations;
-    level.ticks = answer->ticks - std::exchange(ticks, answer->ticks);
-    level.evaluations = answer->evaluations - std::exchange(evaluations, answer->evaluations);
+    MARBLE_ASSIGN_OR_RETURN(
+        auto answer, loop.run(LevelTolerance{s.test, reduction,
+                                             s.tolerance / std::sqrt(static_cast<double>(level.samples))}));
+    level.status = answer.status;
+    level.objective = answer.objective, level.violation = answer.violation;
+    level.kkt_residual = answer.kkt_residual;
+    level.iterations = answer.iterations;
+    level.ticks = answer.ticks - std::exchange(ticks, answer.ticks);
+    level.evaluations = answer.evaluations - std::exchange(evaluations, answer.evaluations);
     level.linearisations = loop.linearisations() - std::exchange(linearisations, loop.linearisations());
     iterations += level.iterations;
     if (sampled.sample_cost) {
-      auto of_fresh = estimate(sampled, answer->x, level.samples, s.fresh_samples);
-      if (!of_fresh) return unexpected(std::move(of_fresh.error()));
-      level.estimate = *of_fresh;
+      MARBLE_ASSIGN_OR_RETURN(level.estimate, estimate(sampled, answer.x, level.samples, s.fresh_samples));
     }
     made.levels.push_back(level);
-    level.x = answer->x;
+    level.x = answer.x;
     if (s.level) s.level(level);
     level.x = {};
     const bool ended = level.status == Status::time_limit || level.status == Status::cancelled;
     if (ended || level.level + 1 == s.levels || level.samples == s.largest_samples) {
-      made.answer = std::move(*answer);
+      made.answer = std::move(answer);
       made.answer.iterations = iterations;
       return made;
     }
@@ -103,10 +101,9 @@ Expected<RetrospectiveAnswer> solve_levels(const SampledProblem& sampled, Functi
 
 Expected<RetrospectiveAnswer> solve_retrospective(const SampledProblem& sampled, const OpenTicks& open,
                                                   const RetrospectiveSettings& settings) {
-  if (auto fits = valid(sampled, settings); !fits) return unexpected(fits.error());
-  auto functions = Functions::create(sampled.problem);
-  if (!functions) return unexpected(functions.error());
-  return or_out_of_memory([&] { return solve_levels(sampled, std::move(*functions), open, settings); });
+  MARBLE_RETURN_IF_ERROR(valid(sampled, settings));
+  MARBLE_ASSIGN_OR_RETURN(auto functions, Functions::create(sampled.problem));
+  return or_out_of_memory([&] { return solve_levels(sampled, std::move(functions), open, settings); });
 }
 
 }  // namespace marble::nonlinear

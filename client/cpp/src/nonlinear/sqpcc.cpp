@@ -26,41 +26,39 @@ bool of_other_size(const Sizes& before, const Sizes& now, bool solved) {
 }  // namespace
 
 Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
-  if (auto ready = B_ ? begin_again() : begin(); !ready) return unexpected(ready.error());
+  MARBLE_RETURN_IF_ERROR(B_ ? begin_again() : begin());
   for (row_.iteration = 0;; ++row_.iteration) {
     if (row_.iteration >= settings_.iteration_limit) return end(Status::iteration_limit, "iteration_limit");
-    auto found = find_step();  // one LCQP; more if it must be elastic or convex
-    if (!found) return unexpected(found.error());
+    // one LCQP; more if it must be elastic or convex
+    MARBLE_ASSIGN_OR_RETURN(auto found, find_step());
     if (limit_) return end(*limit_, "within a subproblem");
     if (stuck_) return end(Status::locally_infeasible, "no step lowers the violation");
     const double share = B_->learns() && stalled_ == 0 ? tuning::learnt_share * stationary_ : stationary_;
-    if (*found && step_is_small() && is_stationary(share) && violation() <= settings_.feasibility_tolerance &&
+    if (found && step_is_small() && is_stationary(share) && violation() <= settings_.feasibility_tolerance &&
         radius_ > settings_.step_tolerance) {
-      auto sure = certified();  // d = 0 solves the linearized problem
-      if (!sure) return unexpected(sure.error());
-      if (*sure && is_stationary(stationary_)) return end(Status::solved, "the step is zero");
+      // d = 0 solves the linearized problem
+      MARBLE_ASSIGN_OR_RETURN(auto sure, certified());
+      if (sure && is_stationary(stationary_)) return end(Status::solved, "the step is zero");
     }
-    if (*found && meets(tolerance)) {
+    if (found && meets(tolerance)) {
       Answer answer = end(Status::solved, "the level's tolerance is met");
       answer.b_stationary.reset(), answer.stationarity = Stationarity::unknown;  // they belong to d = 0
       return answer;
     }
     ratio_ = -1.0, actual_ = 0.0;
-    if (*found) {
-      if (auto judged = judge(); !judged) return unexpected(judged.error());
-      if (auto longer = lengthen(); !longer) return unexpected(longer.error());
+    if (found) {
+      MARBLE_RETURN_IF_ERROR(judge());
+      MARBLE_RETURN_IF_ERROR(lengthen());
       if (ratio_ < tuning::poor && !step_.elastic) {
-        if (auto corrected = correct(); !corrected) return unexpected(corrected.error());
+        MARBLE_RETURN_IF_ERROR(correct());
       }
     }
-    auto taken = linearised();
-    if (!taken) return unexpected(taken.error());
-    row_.accepted = *taken;
+    MARBLE_ASSIGN_OR_RETURN(row_.accepted, linearised());
     report();
     adapt_radius();
-    if (*found && stalls()) return end_of_zero_steps();
+    if (found && stalls()) return end_of_zero_steps();
     if (row_.accepted) {
-      if (auto moved = move(); !moved) return unexpected(moved.error());
+      MARBLE_RETURN_IF_ERROR(move());
     } else if (radius_ <= tuning::least_radius) {
       return end_of_small_radius();
     }
@@ -69,7 +67,7 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
 
 Expected<void> Loop::begin() {
   point_.x.assign(functions_.start().begin(), functions_.start().end());
-  if (auto given = evaluate_start(); !given) return given;
+  MARBLE_RETURN_IF_ERROR(evaluate_start());
   trial_ = best_trial_ = point_, next_ = at_;  // allocates their memory
   Multipliers& m = step_.multipliers;
   m.equalities.assign(point_.equalities.size(), 0.0), m.inequalities.assign(point_.inequalities.size(), 0.0);
@@ -85,9 +83,9 @@ Expected<void> Loop::begin() {
 Expected<void> Loop::evaluate_start() {
   std::optional<Error> first;
   for (bool inside = false;; inside = true) {
-    if (auto given = functions_.values(point_); !given) return given;
+    MARBLE_RETURN_IF_ERROR(functions_.values(point_));
     if (!point_.fault) {
-      if (auto given = functions_.derivatives(point_, at_); !given) return given;
+      MARBLE_RETURN_IF_ERROR(functions_.derivatives(point_, at_));
     }
     const std::optional<Error>& fault = point_.fault ? point_.fault : at_.fault;
     if (!fault) return {};
@@ -98,9 +96,9 @@ Expected<void> Loop::evaluate_start() {
 
 // The functions have changed, and so has B, except that of bfgs, which needs a step.
 Expected<void> Loop::begin_again() {
-  if (auto given = functions_.values(point_); !given) return given;
+  MARBLE_RETURN_IF_ERROR(functions_.values(point_));
   if (point_.fault) return unexpected(*point_.fault);
-  if (auto given = functions_.derivatives(point_, at_); !given) return given;
+  MARBLE_RETURN_IF_ERROR(functions_.derivatives(point_, at_));
   if (at_.fault) return unexpected(*at_.fault);
   restoring_ = stuck_ = false, stalled_ = restarts_ = 0,
   leapt_from_ = std::numeric_limits<double>::infinity();
@@ -117,9 +115,7 @@ Expected<void> Loop::make_curvature() {
       settings_.method == Method::slp ? Curvature::none : chosen(settings_.curvature, problem_, point_);
   if (kind == Curvature::exact && !problem_.hessian)
     return unexpected(invalid("hessian", "must be a function: the settings ask for the exact curvature"));
-  auto model = Model::create(kind, functions_, point_, at_, step_.multipliers);
-  if (!model) return unexpected(model.error());
-  B_ = std::move(*model);
+  MARBLE_ASSIGN_OR_RETURN(B_, Model::create(kind, functions_, point_, at_, step_.multipliers));
   return {};
 }
 
@@ -204,8 +200,8 @@ Expected<bool> Loop::find_leap() {
 
 Expected<bool> Loop::go_back() {
   point_.x = least_;
-  if (auto given = functions_.values(point_); !given) return unexpected(given.error());
-  if (auto given = functions_.derivatives(point_, at_); !given) return unexpected(given.error());
+  MARBLE_RETURN_IF_ERROR(functions_.values(point_));
+  MARBLE_RETURN_IF_ERROR(functions_.derivatives(point_, at_));
   return true;
 }
 
@@ -260,9 +256,7 @@ Expected<bool> Loop::ask_prepared(Kind kind, bool cold) {
     if (!limit_ && left <= 0.0) limit_ = Status::time_limit;
     if (limit_) return false;
     if (ticks == nullptr) {
-      auto opened = open_(subproblem.view(), settings_);
-      if (!opened) return unexpected(opened.error());
-      ticks = std::move(*opened);
+      MARBLE_ASSIGN_OR_RETURN(ticks, open_(subproblem.view(), settings_));
       sizes = new_sizes_;
     }
     const std::span<const double> start = from_no_step ? no_step_ : std::span<const double>();
@@ -313,9 +307,8 @@ bool Loop::loses_no_step(const Subproblem& subproblem, const Solution& solution)
 // from scratch. Returns whether the step stays zero.
 Expected<bool> Loop::certified() {
   if (step_.b_stationary.value_or(false) || step_.elastic) return true;
-  auto found = ask(Kind::plain, true);
-  if (!found) return unexpected(found.error());
-  if (!*found || step_is_small()) return true;
+  MARBLE_ASSIGN_OR_RETURN(auto found, ask(Kind::plain, true));
+  if (!found || step_is_small()) return true;
   weights_->rise_above(step_.multipliers);
   predicted_ = predicted_decrease();
   if (predicted_ > noise()) return false;
@@ -327,7 +320,7 @@ Expected<bool> Loop::certified() {
 // Returns whether the trial point is accepted: its merit is good, and it has derivatives.
 Expected<bool> Loop::linearised() {
   if (ratio_ < tuning::reject && !(leap_ && !trial_.fault)) return false;
-  if (auto given = functions_.derivatives(trial_, next_); !given) return unexpected(given.error());
+  MARBLE_RETURN_IF_ERROR(functions_.derivatives(trial_, next_));
   if (!next_.fault) return true;
   trial_.fault = next_.fault, ratio_ = -1.0;
   return false;
@@ -342,7 +335,7 @@ Expected<void> Loop::move() {
   for (std::size_t j = 0; j < change_.size(); ++j) change_[j] = gradient_[j] - change_[j];
   if (std::exchange(forget_curvature_, false)) return make_curvature();
   const double sigma = B_->shift() / tuning::growth;
-  if (auto moved = B_->move(functions_, point_, at_, m, step_.d, change_); !moved) return moved;
+  MARBLE_RETURN_IF_ERROR(B_->move(functions_, point_, at_, m, step_.d, change_));
   B_->shift(sigma > tuning::first_shift / tuning::growth ? sigma : 0.0);
   if (restoring_ && violation() <= std::max(restore_below_, settings_.feasibility_tolerance))
     restoring_ = false, leapt_from_ = std::numeric_limits<double>::infinity();

@@ -17,16 +17,15 @@ class WarmTicks final : public Ticks {
   Expected<Solution> solve(const ProblemUpdate& update, const TickControls& controls) override {
     Options options = options_;
     options.time_limit_s = std::min(options_.time_limit_s, controls.deadline_s);
-    if (auto set = solver_.set_options(options); !set) return unexpected(set.error());
+    MARBLE_RETURN_IF_ERROR(solver_.set_options(options));
     return solver_.solve(update, {controls.initial_z, controls.cold, controls.shift},
                          {.progress = controls.progress, .stop = stop_});
   }
 
   Expected<bool> prepare(const ProblemUpdate& update, const TickControls& controls) override {
-    if (auto set = solver_.set_options(options_); !set) return unexpected(set.error());
-    auto prepared =
-        solver_.prepare(update, {controls.initial_z, controls.cold, controls.shift}, {.stop = stop_});
-    if (!prepared) return unexpected(prepared.error());
+    MARBLE_RETURN_IF_ERROR(solver_.set_options(options_));
+    MARBLE_RETURN_IF_ERROR(
+        solver_.prepare(update, {controls.initial_z, controls.cold, controls.shift}, {.stop = stop_}));
     return true;
   }
 
@@ -39,11 +38,9 @@ class WarmTicks final : public Ticks {
 }  // namespace
 
 Expected<std::unique_ptr<Ticks>> open_ticks_in_process(const ProblemView& view, const Settings& settings) {
-  const auto problem = marble::Problem::create(view);
-  if (!problem) return unexpected(problem.error());
-  auto solver = WarmSolver::create(*problem, settings.lcqp);
-  if (!solver) return unexpected(solver.error());
-  return std::make_unique<WarmTicks>(std::move(*solver), settings);
+  MARBLE_ASSIGN_OR_RETURN(const auto problem, marble::Problem::create(view));
+  MARBLE_ASSIGN_OR_RETURN(auto solver, WarmSolver::create(problem, settings.lcqp));
+  return std::make_unique<WarmTicks>(std::move(solver), settings);
 }
 
 }  // namespace marble::nonlinear

@@ -371,7 +371,7 @@ Expected<void> client::solve_batch_remotely(const Connection& connection, const 
                                             const BatchSink& sink, const BatchControls& controls) {
   if (controls.wait && !(*controls.wait >= Seconds(0.0)))
     return unexpected(invalid("wait", "must be >= 0 seconds"));
-  if (auto valid = check_traceparent(controls.traceparent); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_traceparent(controls.traceparent));
   return Batch(connection, source, sink, controls).run();
 }
 

@@ -26,7 +26,7 @@ auto solve_remotely(const Connection& connection, const v1::SolveStreamRequest& 
                     const CoupledControls& controls, const CallControls& call, const Read& read)
     -> decltype(read(v1::SolveResponse())) {
   grpc::ClientContext context;
-  if (auto ready = connection.prepare(context, call); !ready) return unexpected(ready.error());
+  MARBLE_RETURN_IF_ERROR(connection.prepare(context, call));
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   const auto reader = connection.solver().SolveCoupled(&context, request);
   ReportedIterations reported(controls);
@@ -36,10 +36,9 @@ auto solve_remotely(const Connection& connection, const v1::SolveStreamRequest& 
                                   if (event.has_result()) result = event.result();
                                 });
   if (!last) return unexpected(of_field(coupled_core_field(last.error().field), last.error()));
-  auto answer = read(result);
-  if (!answer) return answer;
-  answer->progress_skipped = last->progress_skipped;
-  answer->traceparent = returned_traceparent(context);
+  MARBLE_ASSIGN_OR_RETURN(auto answer, read(result));
+  answer.progress_skipped = last->progress_skipped;
+  answer.traceparent = returned_traceparent(context);
   return answer;
 }
 
@@ -49,18 +48,16 @@ Expected<RemoteCoupledSolution> solve_coupled_remotely(const Connection& connect
                                                        const CoupledOptions& options,
                                                        const CoupledControls& controls,
                                                        const CallControls& call) {
-  const auto request = make_request(view, options, controls, call);
-  if (!request) return unexpected(request.error());
-  return solve_remotely(connection, *request, controls, call,
+  MARBLE_ASSIGN_OR_RETURN(const auto request, make_request(view, options, controls, call));
+  return solve_remotely(connection, request, controls, call,
                         [&](const v1::SolveResponse& response) { return remote_coupled(response, view); });
 }
 
 Expected<RemoteSegmentsSolution> solve_in_segments_remotely(
     const Connection& connection, const Problem& problem, std::span<const Index> stage_of_variable,
     const SegmentsOptions& options, const CoupledControls& controls, const CallControls& call) {
-  const auto request = make_request(problem, stage_of_variable, options, call);
-  if (!request) return unexpected(request.error());
-  return solve_remotely(connection, *request, controls, call, remote_segments);
+  MARBLE_ASSIGN_OR_RETURN(const auto request, make_request(problem, stage_of_variable, options, call));
+  return solve_remotely(connection, request, controls, call, remote_segments);
 }
 
 Expected<RemoteScenarios> solve_scenarios_remotely(const Connection& connection,
@@ -68,12 +65,11 @@ Expected<RemoteScenarios> solve_scenarios_remotely(const Connection& connection,
                                                    const ScenarioSampler* sampler,
                                                    const ScenarioSettings& settings,
                                                    const SolveControls& controls, const CallControls& call) {
-  const auto request = make_request(problem, sampler, settings, call);
-  if (!request) return unexpected(request.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto request, make_request(problem, sampler, settings, call));
   grpc::ClientContext context;
-  if (auto ready = connection.prepare(context, call); !ready) return unexpected(ready.error());
+  MARBLE_RETURN_IF_ERROR(connection.prepare(context, call));
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
-  const auto reader = connection.solver().SolveScenarios(&context, *request);
+  const auto reader = connection.solver().SolveScenarios(&context, request);
   v1::SolveResponse result;
   const auto last = read_events(*reader, controls.progress, controls.activity, call, controls.stop,
                                 [&](const v1::SolveStreamResponse& event) {
@@ -82,10 +78,9 @@ Expected<RemoteScenarios> solve_scenarios_remotely(const Connection& connection,
                                   if (event.has_result()) result = event.result();
                                 });
   if (!last) return unexpected(last.error());
-  auto answer = remote_scenarios(result);
-  if (!answer) return answer;
-  answer->progress_skipped = last->progress_skipped;
-  answer->traceparent = returned_traceparent(context);
+  MARBLE_ASSIGN_OR_RETURN(auto answer, remote_scenarios(result));
+  answer.progress_skipped = last->progress_skipped;
+  answer.traceparent = returned_traceparent(context);
   return answer;
 }
 

@@ -17,7 +17,7 @@ Expected<v1::SolveStreamRequest> request_of(const ProblemView& problem, const Co
   v1::SolveStreamRequest request;
   const RequestParts parts{problem,         options.options,   {},           nullptr, nullptr,
                            call.request_id, call.problem_name, call.priority};
-  if (auto filled = fill_request(parts, request.mutable_solve()); !filled) return unexpected(filled.error());
+  MARBLE_RETURN_IF_ERROR(fill_request(parts, request.mutable_solve()));
   to_message(options, request.mutable_solve()->mutable_coupled());
   request.set_progress_interval_s(call.progress_interval_s);
   return request;
@@ -46,9 +46,8 @@ Expected<v1::SolveStreamRequest> make_request(const CoupledView& view, const Cou
                                               const CoupledControls& controls, const CallControls& call) {
   if (controls.start != nullptr && !controls.start->blocks.empty())
     return unexpected(invalid("start.blocks", "must be empty: a server takes coupling_multipliers alone"));
-  auto request = request_of({}, options, call);
-  if (!request) return request;
-  v1::SolveRequest& solve = *request->mutable_solve();
+  MARBLE_ASSIGN_OR_RETURN(auto request, request_of({}, options, call));
+  v1::SolveRequest& solve = *request.mutable_solve();
   const std::string name = solve.problem().name();
   solve.clear_problem();
   solve.mutable_problem()->set_name(name);
@@ -56,45 +55,42 @@ Expected<v1::SolveStreamRequest> make_request(const CoupledView& view, const Cou
   if (controls.start != nullptr)
     solve.mutable_coupled()->mutable_coupling_multipliers()->Assign(
         controls.start->coupling_multipliers.begin(), controls.start->coupling_multipliers.end());
-  if (auto fits = check_size(*request); !fits) return unexpected(fits.error());
+  MARBLE_RETURN_IF_ERROR(check_size(request));
   return request;
 }
 
 Expected<v1::SolveStreamRequest> make_request(const Problem& problem,
                                               std::span<const Index> stage_of_variable,
                                               const SegmentsOptions& options, const CallControls& call) {
-  auto request = request_of(problem.view(), options.coupled, call);
-  if (!request) return request;
-  v1::Segments* segments = request->mutable_solve()->mutable_coupled()->mutable_segments();
+  MARBLE_ASSIGN_OR_RETURN(auto request, request_of(problem.view(), options.coupled, call));
+  v1::Segments* segments = request.mutable_solve()->mutable_coupled()->mutable_segments();
   segments->mutable_stages()->Assign(stage_of_variable.begin(), stage_of_variable.end());
   segments->set_num_segments(options.num_segments);
   segments->set_overlap(options.overlap);
-  if (auto fits = check_size(*request); !fits) return unexpected(fits.error());
+  MARBLE_RETURN_IF_ERROR(check_size(request));
   return request;
 }
 
 Expected<RemoteCoupledSolution> remote_coupled(const v1::SolveResponse& response, const CoupledView& view) {
-  auto answer = answer_of<RemoteCoupledSolution>(response);
-  if (!answer) return answer;
-  answer->monolithic = solution_of(response.solution());
-  answer->places = monolithic_places(view);
-  const BlockPlace& ends = answer->places.back();
+  MARBLE_ASSIGN_OR_RETURN(auto answer, answer_of<RemoteCoupledSolution>(response));
+  answer.monolithic = solution_of(response.solution());
+  answer.places = monolithic_places(view);
+  const BlockPlace& ends = answer.places.back();
   const std::size_t equalities = static_cast<std::size_t>(ends.equalities) + view.coupling_rhs.size();
-  if (answer->monolithic.z.size() != static_cast<std::size_t>(ends.variables) ||
-      answer->monolithic.equality_multipliers.size() != equalities) {
+  if (answer.monolithic.z.size() != static_cast<std::size_t>(ends.variables) ||
+      answer.monolithic.equality_multipliers.size() != equalities) {
     return unexpected(invalid(
         "blocks", std::to_string(ends.variables) + " variables",
-        "must be those that were sent: the answer has " + std::to_string(answer->monolithic.z.size())));
+        "must be those that were sent: the answer has " + std::to_string(answer.monolithic.z.size())));
   }
   return answer;
 }
 
 Expected<RemoteSegmentsSolution> remote_segments(const v1::SolveResponse& response) {
-  auto answer = answer_of<RemoteSegmentsSolution>(response);
-  if (!answer) return answer;
-  answer->whole = solution_of(response.solution());
-  answer->sweep_objective = response.solution().coupled().sweep_objective();
-  answer->sweep_factorizations = response.solution().coupled().sweep_factorizations();
+  MARBLE_ASSIGN_OR_RETURN(auto answer, answer_of<RemoteSegmentsSolution>(response));
+  answer.whole = solution_of(response.solution());
+  answer.sweep_objective = response.solution().coupled().sweep_objective();
+  answer.sweep_factorizations = response.solution().coupled().sweep_factorizations();
   return answer;
 }
 
@@ -103,18 +99,17 @@ Expected<v1::SolveStreamRequest> make_request(const ScenarioProblem& problem, co
   v1::SolveStreamRequest request;
   const RequestParts parts{problem.base,    settings.options,  {},           nullptr, nullptr,
                            call.request_id, call.problem_name, call.priority};
-  if (auto filled = fill_request(parts, request.mutable_solve()); !filled) return unexpected(filled.error());
+  MARBLE_RETURN_IF_ERROR(fill_request(parts, request.mutable_solve()));
   v1::Scenarios* scenarios = request.mutable_solve()->mutable_scenarios();
   to_message(settings, scenarios);
   constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
   const std::int64_t out_of_sample = std::max<std::int64_t>(settings.out_of_sample_scenarios, 0);
   const std::int64_t count =
       settings.max_sample_size > kMost - out_of_sample ? kMost : settings.max_sample_size + out_of_sample;
-  if (auto reported = to_message(problem, sampler != nullptr ? 0 : count, scenarios); !reported)
-    return unexpected(reported.error());
+  MARBLE_RETURN_IF_ERROR(to_message(problem, sampler != nullptr ? 0 : count, scenarios));
   if (sampler != nullptr) to_message(*sampler, scenarios->mutable_sampler());
   request.set_progress_interval_s(call.progress_interval_s);
-  if (auto fits = check_size(request); !fits) return unexpected(fits.error());
+  MARBLE_RETURN_IF_ERROR(check_size(request));
   return request;
 }
 

@@ -30,7 +30,7 @@ class RemotePending final : public PendingSolution::State,
 
   // Makes a unary call if no events are requested: gRPC can retry it elsewhere until it has a response.
   [[nodiscard]] Expected<void> begin() {
-    if (auto ready = connection_->prepare(context_, call_); !ready) return ready;
+    MARBLE_RETURN_IF_ERROR(connection_->prepare(context_, call_));
     if (reports_) {
       connection_->solver().async()->SolveStream(&context_, &request_, this);
       StartRead(&event_);
@@ -89,10 +89,9 @@ class RemotePending final : public PendingSolution::State,
 Expected<PendingSolution> begin_solve(const std::shared_ptr<const Connection>& connection,
                                       const ProblemView& problem, const Options& options,
                                       const SolveControls& controls, const CallControls& call) {
-  auto request = make_request(problem, options, controls, call);
-  if (!request) return unexpected(request.error());
-  auto state = std::make_unique<RemotePending>(connection, std::move(*request), controls, call);
-  if (auto begun = state->begin(); !begun) return unexpected(begun.error());
+  MARBLE_ASSIGN_OR_RETURN(auto request, make_request(problem, options, controls, call));
+  auto state = std::make_unique<RemotePending>(connection, std::move(request), controls, call);
+  MARBLE_RETURN_IF_ERROR(state->begin());
   return PendingSolution(std::move(state));
 }
 

@@ -144,15 +144,14 @@ Expected<std::int64_t> SessionStream::send(const ProblemUpdate& update, const Up
                                            bool first_part) {
   if (over) return unexpected(reason());
   if (writes_done) return unexpected(session_ended());
-  auto request = make_update(epoch, sequence + 1, update, controls, first_part);
-  if (!request) return unexpected(request.error());
+  MARBLE_ASSIGN_OR_RETURN(auto request, make_update(epoch, sequence + 1, update, controls, first_part));
   ++sequence;
   {
     const MutexLock lock(sinks_access);
     (first_part ? first_parts : awaited).insert(sequence);
     if (controls.progress != nullptr && !first_part) sinks[sequence] = controls.progress;
   }
-  wire->write(*std::move(request));
+  wire->write(std::move(request));
   return sequence;
 }
 
@@ -315,9 +314,8 @@ class RemoteSession final : public Session::State {
   void take(std::unique_ptr<SessionStream> stream);
   [[nodiscard]] Expected<void> reopen(const UpdateControls& next, Clock::time_point end);
   [[nodiscard]] Expected<void> check(const ProblemUpdate& update, const UpdateControls& controls) const {
-    const auto valid =
-        CheckedUpdate::check(sizes_, update, {controls.initial_z, controls.cold, controls.shift});
-    if (!valid) return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(
+        CheckedUpdate::check(sizes_, update, {controls.initial_z, controls.cold, controls.shift}));
     return {};
   }
 
@@ -340,7 +338,7 @@ void RemoteSession::take(std::unique_ptr<SessionStream> stream) {
 
 // Checked here: no one waits to receive the server's error.
 Expected<std::int64_t> RemoteSession::prepare(const ProblemUpdate& update, const UpdateControls& controls) {
-  if (auto valid = check(update, controls); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check(update, controls));
   // A set-up that is under way was sent without these numbers; they follow it.
   SessionStream& stream = opening_ != nullptr ? *opening_ : *stream_;
   const MutexLock lock(stream.writing);
@@ -356,9 +354,8 @@ Expected<std::int64_t> RemoteSession::send(const ProblemUpdate& update, const Up
   if (stream_->memory != nullptr)
     return unexpected(failure(ErrorCode::failed_precondition, "reopen", "leaves only solve()"));
   const MutexLock lock(stream_->writing);
-  auto sent = stream_->send(update, controls);
-  if (!sent) return sent;
-  if (auto left = stream_->wait_sent(); !left) return unexpected(left.error());
+  MARBLE_ASSIGN_OR_RETURN(auto sent, stream_->send(update, controls));
+  MARBLE_RETURN_IF_ERROR(stream_->wait_sent());
   return sent;
 }
 
@@ -463,13 +460,11 @@ Expected<std::unique_ptr<Session::State>> open_remote_session(std::shared_ptr<co
                                                               const ProblemView& problem,
                                                               const Options& options,
                                                               const SessionOptions& session) {
-  auto request = make_setup(problem, options, session);
-  if (!request) return unexpected(request.error());
+  MARBLE_ASSIGN_OR_RETURN(auto request, make_setup(problem, options, session));
   auto stream = std::make_unique<SessionStream>(std::move(connection), session.traceparent, session.stop, 0);
-  if (auto begun = stream->begin(session.reopen ? *request : std::move(*request)); !begun)
-    return unexpected(begun.error());
-  if (auto made = stream->await_ready(SessionWire::kForever); !made) return unexpected(made.error());
-  if (session.reopen) stream->memory = std::make_unique<SessionMemory>(std::move(*request));
+  MARBLE_RETURN_IF_ERROR(stream->begin(session.reopen ? request : std::move(request)));
+  MARBLE_RETURN_IF_ERROR(stream->await_ready(SessionWire::kForever));
+  if (session.reopen) stream->memory = std::make_unique<SessionMemory>(std::move(request));
   PartSizes sizes;
 #define MARBLE_VECTOR(letter, field) sizes.letter = problem.letter.size();
 #define MARBLE_MATRIX(letter, field, update, vector) sizes.letter = problem.letter.values.size();

@@ -28,14 +28,13 @@ Expected<RemoteSolution> streamed(const Connection& connection, const v1::SolveS
 Expected<RemoteSolution> solve_remotely(const Connection& connection, const ProblemView& problem,
                                         const Options& options, const SolveControls& controls,
                                         const CallControls& call) {
-  const auto request = make_request(problem, options, controls, call);
-  if (!request) return unexpected(request.error());
+  MARBLE_ASSIGN_OR_RETURN(const auto request, make_request(problem, options, controls, call));
   grpc::ClientContext context;
-  if (auto ready = connection.prepare(context, call); !ready) return unexpected(ready.error());
+  MARBLE_RETURN_IF_ERROR(connection.prepare(context, call));
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   auto answer = wants_events(controls.progress, controls.activity, call)
-                    ? streamed(connection, *request, context, controls, call)
-                    : unary(connection, request->solve(), context, controls.stop);
+                    ? streamed(connection, request, context, controls, call)
+                    : unary(connection, request.solve(), context, controls.stop);
   if (answer) answer->traceparent = returned_traceparent(context);
   if (answer) connection.note_reached();
   return answer;
