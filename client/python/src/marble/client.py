@@ -94,13 +94,18 @@ class Client(Connected):
 
     # marble.aio.Client has these methods too: each must end in one call of the transport.
 
-    def solve(self, /, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
+    def solve(self, /, Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
+              A: MatrixLike | None = None, b: ArrayLike | None = None, C: MatrixLike | None = None,
+              d: ArrayLike | None = None, L: MatrixLike | None = None, l: ArrayLike | None = None,
+              R: MatrixLike | None = None, r: ArrayLike | None = None, *, c0: float = 0.0,
+              z0: ArrayLike | None = None, name: str = "", options: Mapping[str, Any] | None = None,
               priority: Priority | str | None = None, progress: ProgressOption = None, deadline: float | None = None,
               request_id: str = "", progress_interval: float = 0.0, iterate_every: int = 0,
               warm_start: Solution | None = None, sensitivity: SensitivityRequest | None = None,
               **more_options: Any) -> Solution:
         """Solves, and waits for the solution; its status says whether it is solved.
 
+        Q: an LCQP or a Problem; or Q … r, c0, z0, name: the data of one, as in marble.solve and LCQP.
         options, or any option by its name, as in marble.solve; info().options describes them. priority: None is
         interactive. progress: True shows a bar, a callable receives each Progress on this thread; its method `show`, if
         it has one, receives what the solve is doing, in words ("further starts: 3 of 16, best 12.5"), also while no
@@ -110,6 +115,7 @@ class Client(Connected):
         to compute with the solution, in Solution.sensitivity. request_id, progress_interval, iterate_every: as in
         requests.Call. Ctrl-C gives the solve up.
         """
+        problem = problem_of(Q, g, A, b, C, d, L, l, R, r, c0, z0, name)
         options = requests.merged(options, more_options)
         call = Call(options, priority, request_id, progress_interval, iterate_every, warm_start, sensitivity)
         return self._transport.run(SolveRequest(problem, call, progress), deadline)
@@ -189,12 +195,17 @@ class Client(Connected):
 
     # The methods below are the threads' own.
 
-    def solve_async(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
+    def solve_async(self, Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
+                    A: MatrixLike | None = None, b: ArrayLike | None = None, C: MatrixLike | None = None,
+                    d: ArrayLike | None = None, L: MatrixLike | None = None, l: ArrayLike | None = None,
+                    R: MatrixLike | None = None, r: ArrayLike | None = None, *, c0: float = 0.0,
+                    z0: ArrayLike | None = None, name: str = "", options: Mapping[str, Any] | None = None,
                     priority: Priority | str | None = None, progress: Callable[[Progress], object] | None = None,
                     deadline: float | None = None, request_id: str = "", progress_interval: float = 0.0,
                     iterate_every: int = 0, warm_start: Solution | None = None,
                     sensitivity: SensitivityRequest | None = None, **more_options: Any) -> SolveHandle:
         """Begins a solve; the handle waits, cancels or stops. As solve, but progress is called on another thread."""
+        problem = problem_of(Q, g, A, b, C, d, L, l, R, r, c0, z0, name)
         options = requests.merged(options, more_options)
         call = Call(options, priority, request_id, progress_interval, iterate_every, warm_start, sensitivity)
         return self._transport.start(SolveRequest(problem, call, progress, streams=True), deadline)
@@ -237,7 +248,8 @@ def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
           R: MatrixLike | None = None, r: ArrayLike | None = None, *, c0: float = 0.0, z0: ArrayLike | None = None,
           options: Mapping[str, Any] | None = None, server: str | Sequence[str] | Client | None = None,
           name: str = "", priority: Priority | str | None = None, progress: ProgressOption = None,
-          deadline: float | None = None, request_id: str = "", warm_start: Solution | None = None,
+          deadline: float | None = None, request_id: str = "", progress_interval: float = 0.0,
+          iterate_every: int = 0, warm_start: Solution | None = None,
           sensitivity: SensitivityRequest | None = None, **more_options: Any) -> Solution:
     """Solves min ½ zᵀQz + gᵀz + c0  s.t.  A z + b = 0,  C z + d ≥ 0,  0 ≤ L z + l ⊥ R z + r ≥ 0.
 
@@ -246,19 +258,21 @@ def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
     server: an address, several, or a Client; None is the server that MARBLE_SERVER names, and this process where it
     names none or is "local": the environment decides, not the program.
     options, or any option by its name: solve(Q, g, max_iterations=50).
-    priority, progress, deadline, request_id, warm_start, sensitivity: as in Client.solve.
+    priority, progress, deadline, request_id, progress_interval, iterate_every, warm_start, sensitivity: as in
+    Client.solve.
 
     Returns a Solution, solved or not: see its status, or call raise_if_unsolved(). Raises InvalidProblem and the other
     exceptions of marble.errors. With a server each call opens a connection of its own; a loop is faster with a Client.
     """
     problem = problem_of(Q, g, A, b, C, d, L, l, R, r, c0, z0, name)
-    merged = requests.merged(options, more_options)
+    call: dict[str, Any] = {
+        "options": requests.merged(options, more_options), "priority": priority, "progress": progress,
+        "deadline": deadline, "request_id": request_id, "progress_interval": progress_interval,
+        "iterate_every": iterate_every, "warm_start": warm_start, "sensitivity": sensitivity}
     if isinstance(server, Client):
-        return server.solve(problem, options=merged, priority=priority, progress=progress, deadline=deadline,
-                            request_id=request_id, warm_start=warm_start, sensitivity=sensitivity)
+        return server.solve(problem, **call)
     with Client(connect.server_of(server)) as client:
-        return client.solve(problem, options=merged, priority=priority, progress=progress, deadline=deadline,
-                            request_id=request_id, warm_start=warm_start, sensitivity=sensitivity)
+        return client.solve(problem, **call)
 
 
 __all__ = ["Client", "Error", "Job", "SolveHandle", "solve"]

@@ -96,17 +96,19 @@ async def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = Non
                 z0: ArrayLike | None = None, options: Mapping[str, Any] | None = None,
                 server: str | Sequence[str] | Client | None = None, name: str = "",
                 priority: Priority | str | None = None, progress: ProgressOption = None, deadline: float | None = None,
-                request_id: str = "", warm_start: Solution | None = None,
+                request_id: str = "", progress_interval: float = 0.0, iterate_every: int = 0,
+                warm_start: Solution | None = None,
                 sensitivity: SensitivityRequest | None = None, **more_options: Any) -> Solution:
     """As marble.solve, awaited; `server` may be a marble.aio.Client."""
     problem = problem_of(Q, g, A, b, C, d, L, l, R, r, c0, z0, name)
-    merged = requests.merged(options, more_options)
+    call: dict[str, Any] = {
+        "options": requests.merged(options, more_options), "priority": priority, "progress": progress,
+        "deadline": deadline, "request_id": request_id, "progress_interval": progress_interval,
+        "iterate_every": iterate_every, "warm_start": warm_start, "sensitivity": sensitivity}
     if isinstance(server, Client):
-        return await server.solve(problem, options=merged, priority=priority, progress=progress, deadline=deadline,
-                                  request_id=request_id, warm_start=warm_start, sensitivity=sensitivity)
+        return await server.solve(problem, **call)
     async with Client(connect.server_of(server)) as client:
-        return await client.solve(problem, options=merged, priority=priority, progress=progress, deadline=deadline,
-                                  request_id=request_id, warm_start=warm_start, sensitivity=sensitivity)
+        return await client.solve(problem, **call)
 
 
 __all__ = ["Client", "Jobs", "Session", "solve"]

@@ -79,6 +79,11 @@ def twin(thing: Any) -> Any:
     return made
 
 
+def as_rows(values: Any) -> Any:
+    """A sparse vector as one row; all else as it is."""
+    return values.tocoo().reshape(1, -1) if sp.issparse(values) and values.ndim == 1 else values
+
+
 def _dense(values: MatrixLike, field: str) -> Any:
     dense = numbers(values, field, "a matrix of numbers")
     if dense.ndim > 2:
@@ -122,6 +127,7 @@ def _are_within(indices: Any, size: int) -> bool:
 
 def matrix(values: MatrixLike, field: str, columns: int, rows: int | None = None) -> Any:
     """A csc_matrix of finite doubles with sorted, unique entries; explicit zeros stay part of the pattern."""
+    values = as_rows(values)
     if sp.issparse(values):
         if values.format not in ("csc", "csr", "bsr", "coo"):
             values = values.tocoo()
@@ -135,7 +141,7 @@ def matrix(values: MatrixLike, field: str, columns: int, rows: int | None = None
     else:
         result = _entries(_dense(values, field))
     if result.shape[1] != columns:
-        raise InvalidProblem(field, f"must have {columns} columns, as many as g has entries",
+        raise InvalidProblem(field, f"must have {columns} columns, one a variable",
                              value=f"of shape {result.shape}")
     if rows is not None and result.shape[0] != rows:
         raise InvalidProblem(field, f"must have {rows} rows", value=f"of shape {result.shape}")
@@ -163,17 +169,20 @@ def _is_its_mirror(full: Any, column: Any) -> bool:
     return all(np.array_equal(getattr(full, part), getattr(mirror, part)) for part in ("indptr", "indices", "data"))
 
 
-def upper_triangle(Q: MatrixLike, n: int) -> Any:
+def upper_triangle(Q: MatrixLike, n: int, field: str = "Q", *, half: bool = False) -> Any:
     """The upper triangle of a matrix that is symmetric up to rounding; InvalidProblem with the entry if it is not.
 
-    Entries (i, j) and (j, i) may differ by 1e-12 of √(mᵢ mⱼ), m the largest entry of row and column.
+    half: a matrix without any entry below the diagonal stands for the symmetric one. Entries (i, j) and (j, i) may
+    differ by 1e-12 of √(mᵢ mⱼ), m the largest entry of row and column.
     """
     if not sp.issparse(Q):
-        dense = _dense(Q, "Q")
+        dense = _dense(Q, field)
         if dense.shape == (n, n) and np.isfinite(dense).all() and (dense == dense.T).all():
             return _entries(dense, upper=True)
-    full = matrix(Q, "Q", n, n)
+    full = matrix(Q, field, n, n)
     column = np.repeat(np.arange(n), np.diff(full.indptr))
+    if half and (full.indices <= column).all():
+        return full
     if _is_its_mirror(full, column):
         upper = full.indices <= column
         counts = np.concatenate([[0], np.cumsum(upper)])
@@ -186,8 +195,8 @@ def upper_triangle(Q: MatrixLike, n: int) -> Any:
         worst = int(np.argmax(excess))
         if excess[worst] > 0:
             i, j = sorted((int(difference.row[worst]), int(difference.col[worst])))
-            raise InvalidProblem("Q", f"must be symmetric, as (Q + Q.T) / 2 is, and entry ({j}, {i}) is "
-                                 f"{full[j, i]}", index=(i, j), value=full[i, j])
+            raise InvalidProblem(field, f"must be symmetric, as ({field} + {field}.T) / 2 is, and entry ({j}, {i}) "
+                                 f"is {full[j, i]}", index=(i, j), value=full[i, j])
     upper = sp.triu(full, format="csc")
     upper.sort_indices()
     return upper

@@ -55,6 +55,28 @@ def _unit_row(i: int, n: int) -> Any:
     return csc(np.ones(1), np.zeros(1, dtype=np.int32), (np.arange(n + 1) > i).astype(np.int32), (1, n))
 
 
+def _unit_rows(variables: Any, n: int) -> Any:
+    return sp.csr_matrix((np.ones(variables.size), variables, np.arange(variables.size + 1)), (variables.size, n))
+
+
+def _pair_indices(pairs: ArrayLike, n: int) -> Any:
+    try:
+        index = np.asarray(pairs)
+    except ValueError:
+        raise InvalidProblem("pairs", "must be a list of pairs (i, j)") from None
+    if index.size == 0:
+        return np.zeros((0, 2), np.int32)
+    if index.ndim != 2 or index.shape[1] != 2:
+        raise InvalidProblem("pairs", "must be a list of pairs (i, j)", value=f"of shape {index.shape}")
+    if index.dtype.kind not in "iu":
+        raise InvalidProblem("pairs", "must be indices of variables, whole numbers", value=f"of type {index.dtype}")
+    wrong = np.argwhere((index < 0) | (index >= n))
+    if wrong.size:
+        k, side = map(int, wrong[0])
+        raise InvalidProblem("pairs", f"must be in [0, {n})", index=(k, side), value=index[k, side])
+    return index.astype(np.int32)
+
+
 @dataclass(eq=False)
 class Problem:
     """A problem as a planner states it.
@@ -118,10 +140,14 @@ class Problem:
 
     def add_rows(self, A: MatrixLike, lb: ArrayLike | None = None, ub: ArrayLike | None = None) -> Problem:
         """Adds rows lb ≤ A z ≤ ub. A: m × n; lb, ub: m entries or one number for all. None and ±1e20 are no limit."""
+        return self._append_rows(A, lb, ub, ("lb", "ub"))
+
+    def _append_rows(self, A: MatrixLike, lb: ArrayLike | None, ub: ArrayLike | None,
+                     names: tuple[str, str]) -> Problem:
         rows = matrix(A, "A", self.n)
-        low = _limits(lb, -np.inf, rows.shape[0], "lb")
-        high = _limits(ub, np.inf, rows.shape[0], "ub")
-        _check_order(low, high, "lb")
+        low = _limits(lb, -np.inf, rows.shape[0], names[0])
+        high = _limits(ub, np.inf, rows.shape[0], names[1])
+        _check_order(low, high, names[0])
         self._layout = self._compiled = None
         self._rows.append(rows)
         self._lows.append(low)
@@ -245,6 +271,33 @@ class Problem:
         return problem.bound(None, low, high)
 
     @classmethod
+    def from_qp(cls, P: MatrixLike | None, q: ArrayLike, A: MatrixLike | None = None, l: ArrayLike | None = None,
+                u: ArrayLike | None = None, *, pairs: ArrayLike | None = None, c0: float = 0.0,
+                z0: ArrayLike | None = None, name: str = "") -> Problem:
+        """The problem min ½ xᵀPx + qᵀx + c0 s.t. l ≤ A x ≤ u of QP solvers such as OSQP, with pairs.
+
+        P: n × n, symmetric, or its upper triangle alone; None is zero. q: n ≥ 1 entries. A: m × n; l, u: m entries or
+        one number for all; None and ±1e20 are no limit, and rows with l = u become equalities. pairs: k × 2 indices
+        from 0 of variables, 0 ≤ x_i ⊥ x_j ≥ 0; add_pairs adds others. z0, name: as in LCQP.
+
+        The answer's z is x, and its row_duals are OSQP's y.
+        """
+        cost = vector(q, "q")
+        if cost.size == 0:
+            raise InvalidProblem("q", "must have at least one entry", value="0 entries")
+        problem = cls(cost.size, name)
+        problem._Q = None if P is None else upper_triangle(P, problem.n, "P", half=True)
+        problem._g, problem._c0 = cost, float(vector(c0, "c0", 1)[0])
+        if A is not None:
+            problem._append_rows(A, l, u, ("l", "u"))
+        elif not (l is u is None):
+            raise InvalidProblem("A", "is missing: l and u are of its rows")
+        if pairs is not None:
+            index = _pair_indices(pairs, problem.n)
+            problem.add_pairs(_unit_rows(index[:, 0], problem.n), _unit_rows(index[:, 1], problem.n))
+        return problem.start_at(z0)
+
+    @classmethod
     def of(cls, lcqp: LCQP) -> Problem:
         """The same problem, to add to."""
         problem = cls(lcqp.n, lcqp.name)
@@ -300,6 +353,9 @@ def problem_of(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None, A: Ma
         if g is None:
             raise InvalidProblem("g", "is missing; its size defines the number of variables")
         return LCQP(Q, g, A=A, b=b, C=C, d=d, L=L, l=l, R=R, r=r, c0=c0, z0=z0, name=name)
-    if not (g is A is b is C is d is L is l is R is r is z0 is None):
-        raise InvalidProblem("g", "must not be given beside a whole problem")
+    parts = {"g": g, "A": A, "b": b, "C": C, "d": d, "L": L, "l": l, "R": R, "r": r, "z0": z0,
+             "c0": c0 if np.any(c0) else None, "name": name or None}
+    given = next((part for part, value in parts.items() if value is not None), None)
+    if given is not None:
+        raise InvalidProblem(given, "must not be given beside a whole problem")
     return Q
