@@ -1,10 +1,13 @@
-"""Puts into the package what the whole project has once: its version and its contract.
+"""Puts into the package what the whole project has once: its version, its contract and its address.
 
 The contract is the .proto files as one descriptor set, made by protoc when the package is built. A source distribution
-has neither the .proto files nor the project's VERSION around it, and carries both in the package.
+has neither the .proto files nor the project's VERSION around it, and carries both in the package. The address is MARBLE_REPOSITORY, as for the documentation, or GitHub's own
+variables; where there is none, the metadata has no links.
 """
 
+import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -23,6 +26,30 @@ MADE = PACKAGE / "contract.pb"
 def version_file():
     carried = HERE / PACKAGE / "VERSION"
     return carried if carried.is_file() else PROJECT / "deploy" / "VERSION"
+
+
+def repository():
+    server, name = os.environ.get("GITHUB_SERVER_URL"), os.environ.get("GITHUB_REPOSITORY")
+    return (os.environ.get("MARBLE_REPOSITORY") or (f"{server}/{name}" if server and name else "")).rstrip("/")
+
+
+def description(address):
+    """The README; links to files, which a package index does not have, lead to the repository, or become plain text."""
+    def link(found):
+        words, target = found.groups()
+        if re.match(r"[a-z]+:|#", target):
+            return found[0]
+        path, mark, place = target.partition("#")
+        path = os.path.normpath(f"client/python/{path}")
+        return f"[{words}]({address}/blob/HEAD/{path}{mark}{place})" if address else words
+
+    text = (HERE / "README.md").read_text(encoding="utf-8")
+    return re.sub(r"\[((?:[^\[\]]|\n)*)\]\(([^()\s]+)\)", link, text)
+
+
+def urls(address):
+    return {"Homepage": address, "Documentation": f"{address}/blob/HEAD/docs/index.md", "Source": address,
+            "Changelog": f"{address}/blob/HEAD/CHANGELOG.md"} if address else {}
 
 
 def protoc():
@@ -67,4 +94,6 @@ class SourceWithContract(sdist):
 
 
 setup(version=version_file().read_text(encoding="utf-8").strip(),
+      long_description=description(repository()), long_description_content_type="text/markdown",
+      project_urls=urls(repository()),
       cmdclass={"build_py": BuildWithContract, "sdist": SourceWithContract})

@@ -76,6 +76,7 @@ class Wheel(unittest.TestCase):
         for text in folder.glob("*.copyright"):
             for name in re.findall(r"/usr/share/common-licenses/([\w.+-]*\w)", text.read_text()):
                 self.assertTrue((folder / name).is_file() or not pathlib.Path("/usr/share/common-licenses", name).exists(), name)
+                self.assertRegex(reported, rf"(?m)^{re.escape(name)}: .*{re.escape(text.name)}")
         metadata = (folder.parent / "METADATA").read_text()
         self.assertEqual({line.partition(": ")[2] for line in metadata.splitlines() if line.startswith("License-File")},
                          {file.name for file in folder.iterdir()})

@@ -14,7 +14,7 @@ import marble
 from marble.base.tables import Status
 from marble.errors import FailedPrecondition, InvalidArgument, Unavailable
 from marble.lcs import LCS, Controller, ControlStatistics, Linearization, PlanOrigin, Task, drawing, rollout, simulation
-from marble.lcs.optional import optional
+from marble.base.optional import optional
 from marble.lcs.time_stepping import SmoothDynamics
 
 pytest.importorskip("marble._core")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import email.parser
 import os
 import pathlib
 import re
@@ -153,6 +154,35 @@ def test_wheel_and_sdist_build_and_the_wheel_works_elsewhere(server, tmp_path):
     assert f" {marble.__version__} " in run.stdout
 
 
+def _metadata(folder, **environment):
+    run = subprocess.run([sys.executable, "setup.py", "-q", "egg_info", "--egg-base", str(folder)], cwd=HERE, check=False,
+                         env=clean_environment(**environment), capture_output=True, text=True, timeout=100)
+    assert run.returncode == 0, run.stderr
+    return email.parser.Parser().parsestr((folder / "marble_solver.egg-info" / "PKG-INFO").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("address", ["https://example.org/marble", ""])
+def test_the_metadata_says_who_and_where_and_its_links_lead_out_of_the_index(address, tmp_path, monkeypatch):
+    for name in ("GITHUB_SERVER_URL", "GITHUB_REPOSITORY"):
+        monkeypatch.delenv(name, raising=False)
+    found = _metadata(tmp_path, **({"MARBLE_REPOSITORY": address} if address else {}))
+    readme = (HERE / "README.md").read_text(encoding="utf-8")
+    page = found.get_payload()
+    assert found["Author"] == "Marble Server maintainers" and "complementarity constraints" in found["Keywords"]
+    assert {"plot", "torch", "cvxpy"} <= set(found.get_all("Provides-Extra"))
+    classifiers = set(found.get_all("Classifier"))
+    assert {"Programming Language :: Python :: 3.10", "Operating System :: POSIX :: Linux"} <= classifiers
+    assert re.findall(r"```python.*?```", page, re.DOTALL) == re.findall(r"```python.*?```", readme, re.DOTALL)
+    links = re.findall(r"\]\(([^)]+)\)", page)
+    own = [link.removeprefix(f"{address}/blob/HEAD/") for link in links if not link.startswith("#")]
+    assert "API overview" in page and len(page) > 10000
+    if not address:
+        assert not own and found.get_all("Project-URL") is None
+        return
+    assert len(own) > 20 and all((HERE.parent.parent / link.partition("#")[0]).is_file() for link in own)
+    assert f"Source, {address}" in found.get_all("Project-URL")
+
+
 def test_another_package_s_google_rpc_does_not_clash():
     run = _python("-c", "from google.protobuf import descriptor_pb2, descriptor_pool\n"
                   "f = descriptor_pb2.FileDescriptorProto(name='google/rpc/status.proto', package='google.rpc')\n"
@@ -177,6 +207,14 @@ def test_every_module_may_be_the_first_that_is_imported(name):
     run = _python("-c", code)
     assert run.stdout == f"marble.{name} True\n", run.stderr
     assert not hasattr(marble, "nothing") and {"solve", "aio", "Client"} <= set(dir(marble))
+
+
+def test_the_package_lists_what_it_offers_and_nothing_else():
+    code = ("import inspect, marble; listed = dir(marble); inspect.getmembers(marble)\n"
+            "print(*[name for name in listed if not name.startswith('_')])")
+    run = _python("-c", code)
+    assert run.returncode == 0, run.stderr
+    assert set(run.stdout.split()) == {*marble.__all__, "aio", "errors", "flights", "hopper", "layers", "lcs", "mat", "nlp"}
 
 
 def test_everything_public_is_documented():

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from marble.api import *  # noqa: F403
     from marble.api import __all__ as __all__
 
+_MODULES = ("aio", "errors", "flights", "hopper", "layers", "lcs", "mat", "nlp")  # which need no further package
+
 
 def _version() -> str:
     file = pathlib.Path(__file__).with_name("VERSION")
@@ -43,7 +45,9 @@ if not TYPE_CHECKING:  # the names are declared above
         return value
 
     def __dir__() -> list[str]:
-        return sorted({*globals(), "aio", *importlib.import_module("marble.api").__all__})
+        """What the package offers. Adapters are left out: they need other packages, and inspect imports all of these."""
+        own = (name for name in globals() if name.startswith("__"))
+        return sorted({*own, *_MODULES, *importlib.import_module("marble.api").__all__})
 
 
 __version__ = _version()

@@ -7,6 +7,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from marble.base.html import table
 from marble.base.tables import LOCAL_ADDRESS
 from marble.calls.batch import BatchAnswer, BatchItem
 from marble.calls.jobs import Jobs
@@ -14,6 +15,7 @@ from marble.calls.session import Session
 from marble.connection import connect
 from marble.connection.rpc import check_deadline
 from marble.errors import Error
+from marble.in_process import IN_PROCESS
 from marble.message import coupled as coupled_problems
 from marble.message import requests
 from marble.message import scenarios as two_stage
@@ -91,6 +93,12 @@ class Client(Connected):
 
     def __repr__(self) -> str:
         return f"<marble.Client {self.address}>"
+
+    def _repr_html_(self) -> str:
+        here = self.address == IN_PROCESS
+        return table("marble.Client", [
+            ("address", self.address), ("solves", "in this process" if here else "on the server"),
+            ("to try", "solve, session, batch, explain" + ("" if here else ", jobs, info, watch"))])
 
     # marble.aio.Client has these methods too: each must end in one call of the transport.
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from marble import errors
 from marble.base import contract
 from marble.base.checks import is_number
+from marble.base.log import logger
 from marble.base.tables import VALUES, VECTORS, Status
 from marble.calls.changes import changes_of, update_encoder
 from marble.calls.shift import Shift
@@ -174,6 +175,7 @@ class SessionCore:
         """The messages that follow once all is set up: the updates without a result, in their order."""
         with self._lock:
             self.reopened += 1
+            logger.warning("the session's server was lost; it is open again (%d)", self.reopened)
             self.misses, self.is_last_missed, self.gone = 0, False, None
             self._is_reopened = True
             self._start, self._leads = self._newest, True

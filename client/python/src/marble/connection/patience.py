@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import random
 import time
 from typing import Final
 
 from marble.base.checks import is_number
+from marble.base.log import logger
 from marble.errors import Cancelled, DeadlineExceeded, Error, InvalidArgument, Refused, Unavailable
 
 # Calls that change nothing on a server may be repeated, and Jobs.Submit and SubmitArray, whose request ids make two
@@ -99,6 +101,7 @@ class Tries:
                 raise error
             self.reset()
             pause = max(error.retry_after, _SHORTEST_DELAY_S)
+            logger.info("the server is full; the next try is in %.2f s: %r", pause, error)
         if time.monotonic() + pause >= self._end:
             raise error
         return pause
@@ -119,4 +122,7 @@ class Tries:
             raise error
         pause = min(pause * random.uniform(0.8, 1.0), max(self._patience.wait - self._spent, 0.0))
         self._spent += pause
+        first = self._failed == 1 and not self._patience.hardly
+        logger.log(logging.WARNING if first else logging.DEBUG,
+                   "a server is lost; the next try is in %.2f s, for %.1f s in all: %r", pause, self._patience.wait, error)
         return pause

@@ -22,7 +22,7 @@ import numpy as np
 
 from marble.base.checks import is_number, is_whole
 from marble.errors import InvalidArgument
-from marble.lcs.optional import optional
+from marble.base.optional import optional
 from marble.lcs.system import Array
 from marble.lcs.task import Target, Task
 

@@ -10,7 +10,7 @@ import numpy as np
 import marble
 from marble.errors import InvalidArgument
 from marble.lcs.controller import Controller
-from marble.lcs.optional import optional
+from marble.base.optional import optional
 from marble.lcs.statistics import ControlStatistics
 from marble.lcs.task import Task
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from marble.errors import InvalidArgument
-from marble.lcs.optional import optional
+from marble.base.optional import optional
 from marble.lcs.planner import Plan
 from marble.lcs.system import LCS, Array
 

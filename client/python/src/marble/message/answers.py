@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
 
 from marble.base import contract
+from marble.base.log import logger
 from marble.base.tables import Status
 from marble.errors import Cancelled
 from marble.message import records, sensitivity, wire
@@ -25,8 +27,8 @@ def solution(message: Any, arrays: records.Arrays, path: str, problem: LCQP | No
     derivatives = None
     if message.HasField("sensitivity"):
         derivatives = sensitivity.answer(message.sensitivity, arrays, path + "sensitivity.")
-    return records.read(Solution, message, arrays, path, _SOLUTION, job_id=job_id,
-                        problem=problem or of_size(arrays.get(path + "z")), sensitivity=derivatives)
+    return _logged(records.read(Solution, message, arrays, path, _SOLUTION, job_id=job_id,
+                                problem=problem or of_size(arrays.get(path + "z")), sensitivity=derivatives))
 
 
 def of_size(z: Vector | None) -> LCQP:
@@ -41,7 +43,15 @@ def core_solution(values: dict[str, Any], problem: LCQP | None) -> Solution:
     if (conflict := values["conflict"]) is not None:
         values["conflict"] = (*conflict[0], *conflict[1:])
     derivatives = sensitivity.core_answer(values["sensitivity"], problem.n)
-    return records.of_core(Solution, values, job_id="", problem=problem, sensitivity=derivatives)
+    return _logged(records.of_core(Solution, values, job_id="", problem=problem, sensitivity=derivatives))
+
+
+def _logged(answer: Solution) -> Solution:
+    if logger.isEnabledFor(logging.DEBUG):
+        logger.debug("solution of %r, job %r: %s, objective %.10g, %d iterations, %.3f ms", answer.problem.name,
+                     answer.job_id, answer.status.value, answer.objective, answer.iterations,
+                     1e3 * answer.times.total_s)
+    return answer
 
 
 def unless_cancelled(answer: Solution) -> Solution:

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from marble.base.html import table
 from marble.base.lazy import lazy
 from marble.base.tables import LONGEST_PROBLEM_NAME, SYMMETRY
 from marble.errors import InvalidProblem
@@ -286,6 +287,22 @@ class LCQP:
         n, n_e, n_i, n_c = self.sizes
         name = f" {self.name!r}" if self.name else ""
         return f"<LCQP{name}: {n} variables, {n_e} equalities, {n_i} inequalities, {n_c} pairs>"
+
+    def _repr_html_(self) -> str:
+        n, n_e, n_i, n_c = self.sizes
+        rows = [("size", f"{n} variables, {n_e} equalities, {n_i} inequalities, {n_c} pairs")]
+        rows += [(letter, _described(getattr(self, letter))) for letter in "QACLR" if getattr(self, letter).nnz]
+        rows += [(letter, _described(getattr(self, letter))) for letter in "gbdlr" if np.any(getattr(self, letter))]
+        return table(f"LCQP {self.name}".strip(), rows)
+
+
+def _described(part: Any) -> str:
+    """Shape, entries, and the smallest and largest size of what is not zero."""
+    values = np.abs(part.data if sp.issparse(part) else part)
+    values = values[values > 0.0]
+    shape = " × ".join(map(str, part.shape))
+    return f"{shape}, {values.size} not zero" + (f", of size {values.min():.3g} to {values.max():.3g}" if values.size
+                                                 else "")
 
 
 def _rows(values: MatrixLike | None, offsets: ArrayLike | None, field: str, offset_field: str,

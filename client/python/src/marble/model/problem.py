@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from marble.base.html import table
 from marble.base.lazy import lazy
 from marble.errors import InvalidProblem
 from marble.model import highs_file, problem_file
@@ -22,6 +23,7 @@ from marble.model.solution import Solution
 sp: Any = lazy("scipy.sparse")
 
 Variable = int | str
+_MOST_NAMES = 8  # of variables that a notebook shows
 
 
 def _limits(values: ArrayLike | None, otherwise: float, size: int, name: str) -> Vector:
@@ -315,6 +317,16 @@ class Problem:
         pairs = sum(part[0].shape[0] for part in self._pairs)
         name = f" {self.name!r}" if self.name else ""
         return f"<Problem{name}: {self.n} variables, {rows} rows, {pairs} pairs>"
+
+    def _repr_html_(self) -> str:
+        shown = ", ".join([*self._names][:_MOST_NAMES]) + (", …" if len(self._names) > _MOST_NAMES else "")
+        low, high = (np.concatenate([*parts, np.zeros(0)]) for parts in (self._lows, self._highs))
+        bounded = np.count_nonzero((self._low > -INFINITE) | (self._high < INFINITE))
+        return table(f"Problem {self.name}".strip(), [
+            ("variables", f"{self.n}{': ' if shown else ''}{shown}, {bounded} with bounds"),
+            ("rows", f"{low.size}, {np.count_nonzero(low == high)} of them equalities"),
+            ("pairs", str(sum(part[0].shape[0] for part in self._pairs))),
+            ("start", "where the solver chooses" if self._z0 is None else "given")])
 
 
 def compiled(problem: LCQP | Problem) -> LCQP:

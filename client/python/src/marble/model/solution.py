@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import enum
 import functools
-import html
 import math
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
+from marble.base.html import table
+from marble.base.plain import plain
 from marble.base.tables import Status
 from marble.errors import AlmostSolved, Unsolved
 from marble.model.conflict import Conflict
@@ -225,12 +226,29 @@ class Solution(SolutionFields):
         return "\n".join([self._title(), *lines])
 
     def _repr_html_(self) -> str:
-        colour = "#2a7" if self.solved else "#c43"
-        rows = "".join(f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
-                       f"<td style='text-align:left'>{html.escape(text)}</td></tr>" for name, text in self._facts())
-        title = html.escape(self._title())
-        return (f"<table><caption style='text-align:left'><span style='color:{colour}'>●</span> "
-                f"<b>{title}</b></caption>{rows}</table>")
+        return table(self._title(), self._facts(), "#2a7" if self.solved else "#c43")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as lists, dicts, numbers, texts and None: json.dumps(solution.to_dict()).
+
+        The names are those of the attributes, with s, t, kind and what_to_try; `problem` is its name alone, and what is
+        not finite, such as the bound where none is known, is None.
+        """
+        parts = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "problem"}
+        return {"problem": self.problem.name, **{name: plain(value) for name, value in parts.items()},
+                "s": self.s.tolist(), "t": self.t.tolist(), "kind": self.kind.value, "what_to_try": self.what_to_try}
+
+    def plot(self) -> Any:
+        """Draws z, and of each pair its sides s and t, into a new figure of matplotlib.pyplot, which is returned.
+
+        The axes of the sides are logarithmic beyond complementarity_tolerance, up to which a side counts as zero.
+        Raises Unavailable without matplotlib (pip install 'marble-solver[plot]').
+        """
+        from marble.model import solution_plot
+
+        names = sorted(self.variables, key=self.variables.__getitem__)
+        return solution_plot.draw(self._title(), self.z, names, self.s, self.t,
+                                  float(self.options.get("complementarity_tolerance", 1e-6)))
 
 
 if SolutionFields.__doc__:  # help(Solution) would not show them; python -OO has no docstrings
