@@ -1,7 +1,9 @@
 """The real Drake with Marble as a solver of its programs: answers and duals as SNOPT's, refusals by name."""
 
+import gc
 import itertools
 import unittest
+import weakref
 
 import numpy as np
 from adapter_page import almost_solved, example
@@ -106,6 +108,68 @@ class Drake(unittest.TestCase):
         prog = MathematicalProgram()
         prog.AddLinearCost(prog.NewContinuousVariables(1)[0])
         self.assertEqual(marble.drake.solve(prog).get_solution_result(), SolutionResult.kUnbounded)
+
+    def test_a_program_is_translated_again_when_anything_of_it_has_changed(self):
+        prog = MathematicalProgram()
+        x = prog.NewContinuousVariables(3, "x")
+        cost = prog.AddQuadraticErrorCost(np.eye(3), np.array([1.0, 2, 3]), x).evaluator()
+        slope = prog.AddLinearCost(np.zeros(3), 0.0, x).evaluator()
+        rows = prog.AddLinearConstraint(np.ones((1, 3)), [-50.0], [50.0], x)
+        bounds = prog.AddBoundingBoxConstraint(-9, 9, x).evaluator()
+        seen = [marble.drake._stated(prog)]
+        np.testing.assert_allclose(marble.drake.solve(prog).GetSolution(x), [1, 2, 3], atol=1e-6)
+        extra = []
+        changes = [
+            (lambda: cost.UpdateCoefficients(2 * np.eye(3), -2 * np.array([3.0, 2, 1])), [3, 2, 1]),
+            (lambda: slope.UpdateCoefficients(np.array([2.0, 0, 0])), [2, 2, 1]),
+            (lambda: rows.evaluator().UpdateCoefficients(np.array([[1.0, 0, 0]]), [-50.0], [1.0]), [1, 2, 1]),
+            (lambda: bounds.UpdateUpperBound(np.array([9.0, 1.5, 9.0])), [1, 1.5, 1]),
+            (lambda: extra.append(prog.AddBoundingBoxConstraint(0.5, 0.5, x[2])), [1, 1.5, 0.5]),
+            (lambda: prog.RemoveConstraint(extra.pop()), [1, 1.5, 1]),
+            (lambda: extra.append(prog.AddLinearCost(2 * x[1])), [1, 1, 1]),
+            (lambda: prog.AddLinearComplementarityConstraint(np.array([[0.0, 1], [1, 0]]), np.zeros(2), x[:2]), None),
+            (lambda: prog.NewContinuousVariables(1, "y"), None)]
+        for change, expected in changes:
+            change()
+            seen.append(marble.drake._stated(prog))
+            self.assertIsNot(seen[-1], seen[-2])
+            self.assertIs(marble.drake._stated(prog), seen[-1])
+            if expected is not None:
+                np.testing.assert_allclose(marble.drake.solve(prog).GetSolution(x), expected, atol=1e-6)
+        result = marble.drake.solve(prog)
+        self.assertAlmostEqual(min(result.GetSolution(x[:2])), 0.0)
+        self.assertIs(marble.drake._stated(prog), seen[-1])
+        prog.SetInitialGuess(x, [1.0, 0.0, 0.0])  # which is no part of the translation
+        self.assertIs(marble.drake._stated(prog), seen[-1])
+        kept = result.solution.z.copy()
+        prog.NewBinaryVariables(1)
+        with self.assertRaises(marble.InvalidProblem):
+            marble.drake.solve(prog)
+        np.testing.assert_array_equal(result.GetSolution(x), kept[:3])
+
+    def test_programs_that_are_gone_are_forgotten(self):
+        prog = program(1)[0]
+        marble.drake.solve(prog)
+        self.assertIn(prog, marble.drake._STATED)
+        gone = weakref.ref(prog)
+        del prog
+        gc.collect()
+        self.assertIsNone(gone())
+
+    def test_large_programs_are_those_of_small_ones_beside_each_other(self):
+        copies, prog = 60, MathematicalProgram()
+        parts = [prog.NewContinuousVariables(4) for _ in range(copies)]
+        for x in parts:
+            prog.AddQuadraticErrorCost(np.eye(4), np.array([1.0, 2, 3, 4]), x)
+            prog.AddLinearComplementarityConstraint(np.array([[0.0, 1], [1, 0]]), np.zeros(2), x[:2])
+        everything = np.concatenate(parts)
+        prog.AddLinearConstraint(np.eye(4 * copies), np.full(4 * copies, -5.0), np.full(4 * copies, 3.5), everything)
+        again = np.concatenate([parts[0][3:], parts[0][3:]])
+        prog.AddLinearConstraint(np.array([[1.0, 1.0]]), [-1.0], [6.0], again)  # a variable twice: 2 x <= 6
+        result = marble.drake.solve(prog)
+        self.assertEqual(result.solution.problem.sizes, (4 * copies, 0, 2 * (4 * copies + 1), copies))
+        np.testing.assert_allclose(result.GetSolution(parts[1]), [0, 2, 3, 3.5], atol=1e-6)
+        np.testing.assert_allclose(result.GetSolution(parts[0]), [0, 2, 3, 3], atol=1e-6)
 
     def test_the_page_s_example_prints_what_it_says(self):
         self.assertEqual(*example("Drake"))

@@ -6,6 +6,8 @@ Costs that are linear or quadratic, of any curvature; linear, bounding-box and l
 from __future__ import annotations
 
 import functools
+import weakref
+from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -25,11 +27,14 @@ from marble import client
 from marble.base.lazy import lazy
 from marble.base.tables import Status
 from marble.errors import InvalidArgument, InvalidProblem
-from marble.model.lcqp import Vector, numbers
+from marble.model.lcqp import Vector, numbers, vector
 from marble.model.problem import Problem
 from marble.model.solution import Solution, warn_if_almost
 
 sp: Any = lazy("scipy.sparse")
+
+_FEW_ENTRIES: Final = 10_000  # up to which matrices are made dense
+_Numbers = tuple[Any, Any, Any]
 
 _RESULTS: Final = {
     Status.SOLVED: SolutionResult.kSolutionFound,
@@ -45,9 +50,12 @@ _RESULTS: Final = {
 class Result:
     """As Drake's MathematicalProgramResult, by the same names. solution: Marble's answer."""
 
-    def __init__(self, program: Any, answer: Solution, rows: dict[Any, slice]) -> None:
-        self.solution, self._rows = answer, rows
-        self._values = dict(zip((v.get_id() for v in program.decision_variables()), answer.z.tolist(), strict=True))
+    def __init__(self, variables: tuple[int, ...], answer: Solution, rows: dict[Any, slice]) -> None:
+        self.solution, self._variables, self._rows = answer, variables, rows
+
+    @functools.cached_property
+    def _values(self) -> dict[int, float]:
+        return dict(zip(self._variables, self.solution.z.tolist(), strict=True))
 
     def is_success(self) -> bool:
         """Whether it is solved."""
@@ -89,16 +97,19 @@ def solve(prog: Any, initial_guess: ArrayLike | None = None, **options: Any) -> 
     initial_guess: one number a variable; without it, that of the program, where it has one. options: Marble's, by
     name, and `server`, `progress` and others of marble.solve.
 
+    A program is translated once, and again when its variables, costs, constraints or their numbers have changed.
+
     Raises InvalidProblem with the name of a cost, a constraint or a variable that no LCQP has: its description in
     Drake, and its variables.
     """
-    problem, rows = _stated(prog)
+    stated = _stated(prog)
     guess = numbers(prog.initial_guess() if initial_guess is None else initial_guess, "initial_guess")
-    if np.isfinite(guess).any():
-        problem.start_at(np.where(np.isnan(guess), 0.0, guess))
-    answer = client.solve(problem, **options)
+    start = np.where(np.isnan(guess), 0.0, guess) if np.isfinite(guess).any() else None
+    if start is not None:
+        start = vector(start, "initial_guess", stated.problem.n, " (n)")
+    answer = stated.problem.translate(client.solve(stated.problem.compile().replaced(z0=start), **options))
     warn_if_almost(answer)
-    return Result(prog, answer, rows)
+    return Result(stated.variables, answer, stated.rows)
 
 
 def _name(binding: Any) -> str:
@@ -107,55 +118,133 @@ def _name(binding: Any) -> str:
     return f"{what.get_description() or type(what).__name__} of {names}"
 
 
-def _stated(prog: MathematicalProgram) -> tuple[Problem, dict[Any, slice]]:
-    n = prog.num_vars()
-    if n == 0:
+class _Stated:
+    """A program as a Problem, and what it was made from. rows: of each binding of linear constraints."""
+
+    def __init__(self, prog: MathematicalProgram) -> None:
+        self.variables = _ids(prog)
+        self._costs, self._constraints = prog.GetAllCosts(), prog.GetAllConstraints()
+        self._parts = [binding.evaluator() for binding in (*self._costs, *self._constraints)]
+        self._numbers = [_numbers(part) for part in self._parts]
+        self.problem = Problem(len(self.variables))
+        self.rows: dict[Any, slice] = {}
+        places = [prog.FindDecisionVariableIndices(binding.variables())
+                  for binding in (*self._costs, *self._constraints)]
+        count = len(self._costs)
+        self._add_costs(zip(self._numbers[:count], places[:count], strict=True))
+        self._add_constraints(places[count:])
+
+    def is_of(self, prog: MathematicalProgram) -> bool:
+        """Whether the program still has the same variables, bindings and numbers."""
+        return (self.variables == _ids(prog) and self._costs == prog.GetAllCosts()
+                and self._constraints == prog.GetAllConstraints()
+                and all(_are_same(_numbers(part), old)
+                        for part, old in zip(self._parts, self._numbers, strict=True)))
+
+    def _add_costs(self, costs: Iterable[tuple[_Numbers, Any]]) -> None:
+        n = self.problem.n
+        Q, g, c0 = _zeros(n, n), np.zeros(n), 0.0
+        for (quadratic, linear, constant), places in costs:
+            if quadratic is not None:
+                Q = Q + _spread(_spread((quadratic + quadratic.T) / 2, places, n).T, places, n)
+            np.add.at(g, places, linear)
+            c0 += float(constant)
+        self.problem.minimize(Q, g, c0)
+
+    def _add_constraints(self, places: Sequence[Any]) -> None:
+        n, count = self.problem.n, 0
+        blocks: list[Any] = []
+        limits: list[tuple[Vector, Vector]] = []
+        first = len(self._costs)
+        for binding, evaluator, values, columns in zip(self._constraints, self._parts[first:], self._numbers[first:],
+                                                       places, strict=True):
+            if isinstance(evaluator, LinearComplementarityConstraint):
+                self._add_pairs(*values[:2], np.asarray(columns))
+                continue
+            A, low, high = values
+            blocks.append(_spread(np.eye(len(columns)) if A is None else A, columns, n))
+            limits.append((low, high))
+            self.rows[binding] = slice(count, count + low.size)
+            count += low.size
+        if count:
+            self.problem.add_rows(_stacked(blocks), *(np.concatenate(part) for part in zip(*limits, strict=True)))
+
+    def _add_pairs(self, M: Any, q: Vector, places: Any) -> None:
+        """0 ≤ x ⊥ M x + q ≥ 0. Where M says of x_i ⊥ x_j also x_j ⊥ x_i, that is one pair."""
+        units = (M != 0).sum(axis=1) == 1
+        units &= (M.max(axis=1) == 1) & (q == 0)
+        partner = np.where(units, np.argmax(M != 0, axis=1), -1)
+        index = np.arange(q.size)
+        known = (partner >= 0) & (partner < index) & (partner[partner] == index)
+        n = self.problem.n
+        self.problem.add_pairs(_spread(np.eye(q.size)[~known], places, n), _spread(M[~known], places, n), r=q[~known])
+
+
+_STATED: Final[weakref.WeakKeyDictionary[Any, _Stated]] = weakref.WeakKeyDictionary()
+
+
+def _stated(prog: MathematicalProgram) -> _Stated:
+    """The program as a Problem; that of the last call, if nothing has changed since."""
+    stated = _STATED.get(prog)
+    if stated is None or not stated.is_of(prog):
+        _check(prog)
+        _STATED[prog] = stated = _Stated(prog)
+    return stated
+
+
+def _check(prog: MathematicalProgram) -> None:
+    if prog.num_vars() == 0:
         raise InvalidProblem("prog", "must have a variable")
     for variable in prog.decision_variables():
         if variable.get_type() != Variable.Type.CONTINUOUS:
             raise InvalidProblem(f"variable {variable.get_name()}", "must be continuous",
                                  value=variable.get_type().name.lower())
-    columns = functools.partial(_columns, prog)
-    problem = Problem(n)
-    Q, g, c0 = sp.csc_matrix((n, n)), np.zeros(n), 0.0
     for binding in prog.GetAllCosts():
-        cost, places = binding.evaluator(), columns(binding)
-        if isinstance(cost, QuadraticCost):
-            Q = Q + places.T @ sp.csc_matrix(cost.Q()) @ places
-            g, c0 = g + places.T @ cost.b(), c0 + float(cost.c())
-        elif isinstance(cost, LinearCost):
-            g, c0 = g + places.T @ cost.a(), c0 + float(cost.b())
-        else:
+        if not isinstance(binding.evaluator(), QuadraticCost | LinearCost):
             raise InvalidProblem(f"cost {_name(binding)}", "must be linear or quadratic")
-    problem.minimize((Q + Q.T) / 2, g, c0)
-    rows: dict[Any, slice] = {}
-    count = 0
     for binding in prog.GetAllConstraints():
-        constraint, places = binding.evaluator(), columns(binding)
-        if isinstance(constraint, LinearComplementarityConstraint):
-            _add_pairs(problem, constraint, places)
-        elif isinstance(constraint, LinearConstraint):
-            part = places if isinstance(constraint, BoundingBoxConstraint) else constraint.get_sparse_A() @ places
-            problem.add_rows(part, constraint.lower_bound(), constraint.upper_bound())
-            rows[binding] = slice(count, count + part.shape[0])
-            count += part.shape[0]
-        else:
+        if not isinstance(binding.evaluator(), LinearComplementarityConstraint | LinearConstraint):
             raise InvalidProblem(f"constraint {_name(binding)}", "must be linear, or a linear complementarity")
-    return problem, rows
 
 
-def _columns(prog: MathematicalProgram, binding: Any) -> Any:
-    """Which of the program's variables are the binding's: a row each."""
-    places = [prog.FindDecisionVariableIndex(v) for v in binding.variables()]
-    return sp.csr_matrix((np.ones(len(places)), (np.arange(len(places)), places)), shape=(len(places), prog.num_vars()))
+def _ids(prog: MathematicalProgram) -> tuple[int, ...]:
+    return tuple(variable.get_id() for variable in prog.decision_variables())
 
 
-def _add_pairs(problem: Problem, constraint: Any, places: Any) -> None:
-    """0 ≤ x ⊥ M x + q ≥ 0. Where M says of x_i ⊥ x_j also x_j ⊥ x_i, that is one pair."""
-    M, q = constraint.M(), constraint.q()
-    units = (M != 0).sum(axis=1) == 1
-    units &= (M.max(axis=1) == 1) & (q == 0)
-    partner = np.where(units, np.argmax(M != 0, axis=1), -1)
-    index = np.arange(q.size)
-    known = (partner >= 0) & (partner < index) & (partner[partner] == index)
-    problem.add_pairs(places[index[~known]], sp.csr_matrix(M[~known]) @ places, r=q[~known])
+def _numbers(part: Any) -> _Numbers:
+    """Of a cost its Q or None, b and c; of linear rows A, None of bounds, and limits; of complementarities M and q."""
+    if isinstance(part, QuadraticCost):
+        return part.Q(), part.b(), part.c()
+    if isinstance(part, LinearCost):
+        return None, part.a(), part.b()
+    if isinstance(part, LinearComplementarityConstraint):
+        return part.M(), part.q(), 0.0
+    if isinstance(part, BoundingBoxConstraint):
+        return None, part.lower_bound(), part.upper_bound()
+    small = part.num_constraints() * part.num_vars() <= _FEW_ENTRIES  # of which a sparse matrix takes 60 times as long
+    return (part.GetDenseA() if small else part.get_sparse_A()), part.lower_bound(), part.upper_bound()
+
+
+def _are_same(now: _Numbers, old: _Numbers) -> bool:
+    return all(ours.shape == theirs.shape and (ours != theirs).nnz == 0 if sp.issparse(ours) else
+               np.array_equal(ours, theirs) for ours, theirs in zip(now, old, strict=True))
+
+
+def _zeros(rows: int, columns: int) -> Any:
+    return np.zeros((rows, columns)) if rows * columns <= _FEW_ENTRIES else sp.csr_matrix((rows, columns))
+
+
+def _spread(values: Any, places: Any, n: int) -> Any:
+    """The columns of a matrix at these places of n, added up where a place occurs again."""
+    rows = values.shape[0]
+    if sp.issparse(values) or rows * n > _FEW_ENTRIES:
+        units = sp.csr_matrix((np.ones(len(places)), (np.arange(len(places)), places)), shape=(len(places), n))
+        return sp.csr_matrix(values) @ units
+    wide = np.zeros((rows, n))
+    everywhere: Any = (slice(None), np.asarray(places))
+    np.add.at(wide, everywhere, values)
+    return wide
+
+
+def _stacked(blocks: list[Any]) -> Any:
+    return sp.vstack(blocks) if any(sp.issparse(block) for block in blocks) else np.vstack(blocks)
