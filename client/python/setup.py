@@ -1,8 +1,8 @@
 """Puts into the package what the whole project has once: its version, its contract and its address.
 
 The contract is the .proto files as one descriptor set, made by protoc when the package is built. A source distribution
-has neither the .proto files nor the project's VERSION around it, and carries both in the package. The address is MARBLE_REPOSITORY, as for the documentation, or GitHub's own
-variables; where there is none, the metadata has no links.
+has neither the .proto files nor the project's VERSION around it, and carries both in the package. The address is
+MARBLE_REPOSITORY, as for the documentation, or GitHub's own variables; where there is none, the metadata has no links.
 """
 
 import os

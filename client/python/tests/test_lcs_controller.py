@@ -14,8 +14,8 @@ import marble
 from marble.base.tables import Status
 from marble.errors import FailedPrecondition, InvalidArgument, Unavailable
 from marble.lcs import LCS, Controller, ControlStatistics, Linearization, PlanOrigin, Task, drawing, rollout, simulation
-from marble.base.optional import optional
 from marble.lcs.time_stepping import SmoothDynamics
+from marble.model.optional import optional
 
 pytest.importorskip("marble._core")
 

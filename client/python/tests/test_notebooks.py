@@ -69,15 +69,16 @@ def test_a_solution_is_drawn_with_its_pairs(answer, monkeypatch):
     plain.canvas.draw()
     pyplot.close("all")
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
-    with pytest.raises(marble.Unavailable, match=r"Solution\.plot needs matplotlib: pip install 'marble-solver\[plot\]'"):
+    with pytest.raises(marble.Unavailable, match=r"plot needs matplotlib: pip install 'marble-solver\[plot\]'"):
         answer.plot()
 
 
-def test_sides_that_are_both_zero_or_neither_are_told_apart():
+def test_sides_that_are_both_zero_or_neither_are_distinguished():
     pytest.importorskip("matplotlib", reason="matplotlib is not installed").use("Agg")
     from marble.model import solution_plot
 
-    figure = solution_plot.draw("t", np.zeros(1), [], np.array([0.0, 0.0, 1.0, 1.0]), np.array([0.0, 2.0, 0.0, 3.0]), 1e-6)
+    s, t = np.array([0.0, 0.0, 1.0, 1.0]), np.array([0.0, 2.0, 0.0, 3.0])
+    figure = solution_plot.draw("t", np.zeros(1), [], s, t, 1e-6)
     assert [text.get_text() for text in figure.axes[1].get_legend().get_texts()] == [
         "s = 0: 1", "t = 0: 1", "s = t = 0: 1", "neither is 0: 1"]
 

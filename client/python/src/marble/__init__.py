@@ -45,7 +45,7 @@ if not TYPE_CHECKING:  # the names are declared above
         return value
 
     def __dir__() -> list[str]:
-        """What the package offers. Adapters are left out: they need other packages, and inspect imports all of these."""
+        """What the package offers, without adapters, which need other packages: inspect imports all of these."""
         own = (name for name in globals() if name.startswith("__"))
         return sorted({*own, *_MODULES, *importlib.import_module("marble.api").__all__})
 

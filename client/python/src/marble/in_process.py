@@ -25,8 +25,9 @@ def core() -> Any:
         return importlib.import_module("marble._core")
     except ImportError as error:
         raise Unavailable(
-            "this build of marble has no solver of its own (marble._core): install a wheel of marble-solver, or build "
-            f"with pybind11; or name a server (MARBLE_SERVER=HOST:PORT) ({error})") from None
+            "this build of marble has no solver of its own (marble._core): install a wheel of marble-solver; in a "
+            "checkout, cmake --build build/release --target marble_python, which needs pybind11; or name a server "
+            f"(MARBLE_SERVER=HOST:PORT) ({error})") from None
 
 
 @contextlib.contextmanager

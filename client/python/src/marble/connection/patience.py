@@ -124,5 +124,6 @@ class Tries:
         self._spent += pause
         first = self._failed == 1 and not self._patience.hardly
         logger.log(logging.WARNING if first else logging.DEBUG,
-                   "a server is lost; the next try is in %.2f s, for %.1f s in all: %r", pause, self._patience.wait, error)
+                   "a server is lost; the next try is in %.2f s, for %.1f s in all: %r", pause, self._patience.wait,
+                   error)
         return pause

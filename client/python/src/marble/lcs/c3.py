@@ -22,9 +22,9 @@ import numpy as np
 
 from marble.base.checks import is_number, is_whole
 from marble.errors import InvalidArgument
-from marble.base.optional import optional
 from marble.lcs.system import Array
 from marble.lcs.task import Target, Task
+from marble.model.optional import optional
 
 MAX_FILE_BYTES: Final = 256 * 1024
 MAX_DEPTH: Final = 8

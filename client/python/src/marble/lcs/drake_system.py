@@ -10,9 +10,9 @@ import numpy as np
 import marble
 from marble.errors import InvalidArgument
 from marble.lcs.controller import Controller
-from marble.base.optional import optional
 from marble.lcs.statistics import ControlStatistics
 from marble.lcs.task import Task
+from marble.model.optional import optional
 
 _framework: Any = optional("pydrake.systems.framework", "drake", "ControllerSystem")
 

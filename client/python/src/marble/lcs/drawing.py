@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from marble.errors import InvalidArgument
-from marble.base.optional import optional
 from marble.lcs.planner import Plan
 from marble.lcs.system import LCS, Array
+from marble.model.optional import optional
 
 _GAP, _FORCE, _TOUCH = "#2563a8", "#c2481f", "#f3ddd2"
 

@@ -24,7 +24,7 @@ from marble.base.checks import is_number
 from marble.errors import FailedPrecondition, InvalidArgument, Unavailable
 from marble.lcs.controller import Controller, ControlStep
 from marble.lcs.linearization import positive
-from marble.base.optional import optional
+from marble.model.optional import optional
 
 _SAME_TIME: Final = 1e-6  # relative to a frame
 _MAX_GIF_RATE: Final = 50.0  # frames of a GIF last whole hundredths of a second, and viewers slow shorter ones down

@@ -6,8 +6,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from marble.base.optional import optional
 from marble.model.lcqp import Vector
+from marble.model.optional import optional
 
 _LEFT, _RIGHT, _BOTH, _MOST_STEMS, _MOST_NAMES = "#2563a8", "#c2481f", "#444444", 60, 24
 _SHORTEST_LINEAR: Final = 1e-9  # of the axes of sides, which are logarithmic beyond it
