@@ -1,4 +1,5 @@
 // Provides all commands as one program, which the program marble runs.
+#include <algorithm>
 #include <csignal>
 #include <exception>
 #include <iostream>
@@ -8,7 +9,9 @@
 #include "ampl/ampl_driver.h"
 #include "base/complaint.h"
 #include "base/exit_code.h"
+#include "base/suggestion.h"
 #include "commands/commands.h"
+#include "help/command_tree.h"
 #include "plain_text.h"
 
 namespace marble::cli {
@@ -20,6 +23,29 @@ int exit_of(const CLI::App& program, const CLI::ParseError& error) {
   const int code = program.exit(error, std::cout, faults);
   for (std::string line; std::getline(faults, line);) std::cerr << without_controls(line) << '\n';
   return code == 0 ? kAllSolved : kBadInput;
+}
+
+// Returns the fault of a command or an option that does not exist; empty if there is no such word.
+std::string wrong_word(const CLI::App& program, int argc, char** argv) {
+  const std::vector<Command> commands = command_tree(program);
+  std::vector<std::string> names;
+  for (std::size_t i = 1; i < commands.size(); ++i) names.push_back(commands[i].name);
+  const std::string first = argc > 1 ? argv[1] : "";
+  const auto found = std::ranges::find(commands, first, &Command::name);
+  if (!first.empty() && first.front() != '-' && (found == commands.end() || found == commands.begin()))
+    return first + ": is not a command" + did_you_mean(first, names) + "  (marble --help lists them all)";
+  for (const std::string& word : program.remaining(true)) {
+    const std::string given = word.substr(0, word.find('='));
+    if (given.size() < 2 || given.front() != '-') continue;
+    const Command& command = found == commands.end() ? commands.front() : *found;
+    std::vector<std::string> options;
+    for (const Argument& option : command.options)
+      options.insert(options.end(), option.names.begin(), option.names.end());
+    const std::string called = command.name == "marble" ? "marble" : "marble " + command.name;
+    return given + ": is not an option of " + called + did_you_mean(given, options) + "  (" + called +
+           " --help lists them all)";
+  }
+  return "";
 }
 
 }  // namespace
@@ -66,11 +92,16 @@ int main(int argc, char** argv) {
   add_health(program, exit_code);
   add_info(program, exit_code);
   add_options(program, exit_code);
+  add_completion(program, exit_code);
+  add_manual(program, exit_code);
   add_version(program, exit_code);
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return exit_of(program, error);
+    const std::string wrong = error.get_exit_code() == 0 ? "" : wrong_word(program, argc, argv);
+    if (wrong.empty()) return exit_of(program, error);
+    complain(wrong);
+    return kBadInput;
   } catch (const std::exception& error) {
     complain(error.what());
     return kBadInput;

@@ -7,7 +7,7 @@ install(FILES ${systemd}/marble-server.service DESTINATION /lib/systemd/system C
 install(FILES ${systemd}/marble.sysusers DESTINATION /usr/lib/sysusers.d RENAME marble.conf COMPONENT server EXCLUDE_FROM_ALL)
 install(FILES ${systemd}/marble.toml DESTINATION /etc/marble COMPONENT server EXCLUDE_FROM_ALL)
 install(FILES ${debian}/marble-server.8 DESTINATION ${CMAKE_INSTALL_MANDIR}/man8 COMPONENT server EXCLUDE_FROM_ALL)
-install(FILES ${debian}/marble.1 ${debian}/marble-load.1 DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT cli EXCLUDE_FROM_ALL)
+install(FILES ${debian}/marble-load.1 DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT cli EXCLUDE_FROM_ALL)
 foreach(component server cli dev)
   install(FILES ${debian}/copyright ${debian}/changelog DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/marble-${component}
           COMPONENT ${component} EXCLUDE_FROM_ALL)

@@ -77,6 +77,14 @@ def test_their_programs_are_hardened_and_search_no_relative_folder_for_libraries
     assert not elf.hardening_faults(*programs)
 
 
+def test_the_program_comes_with_manual_pages_and_completions(packages, tmp_path):
+    run("dpkg-deb", "--extract", packages["marble-cli"], tmp_path)
+    for name in ("man/man1/marble.1.gz", "man/man1/marble-solve.1.gz", "man/man1/marble-load.1.gz",
+                 "bash-completion/completions/marble", "zsh/vendor-completions/_marble",
+                 "fish/vendor_completions.d/marble.fish"):
+        assert (tmp_path / "usr/share" / name).stat().st_size > 100, name
+
+
 def test_they_depend_on_what_debian_has_and_no_compiler(tree, packages):
     # First what they need, so that what they bring themselves can be distinguished.
     for name in ("marble-server", "marble-cli"):

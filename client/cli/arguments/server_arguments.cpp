@@ -43,7 +43,7 @@ void add_priority_argument(CLI::App& command, Priority& priority) {
   command
       .add_option("--priority", priority, "priority in the server's queue: realtime, interactive or batch")
       ->transform(CLI::CheckedTransformer(names).description(""))
-      ->type_name("TEXT");
+      ->type_name("TEXT:{realtime,interactive,batch}");
 }
 
 int server_fails(const ServerArguments& arguments, const Error& error) {

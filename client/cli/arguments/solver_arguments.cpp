@@ -1,7 +1,10 @@
 #include "arguments/solver_arguments.h"
 
+#include <algorithm>
+
 #include "base/complaint.h"
 #include "base/exit_code.h"
+#include "base/suggestion.h"
 #include "marble/report/option_scope.h"
 
 namespace marble::cli {
@@ -45,7 +48,12 @@ void warn_of_idle_options(const SolverArguments& arguments, const Options& optio
 }
 
 int option_fails(const Error& error) {
-  complain(error.message() + "  (marble options lists them all)");
+  std::vector<std::string> names;
+  for (const OptionInfo& option : option_table()) names.emplace_back(option.name);
+  const bool unknown =
+      error.field.find('-') == std::string::npos && std::ranges::find(names, error.field) == names.end();
+  complain(error.message() + (unknown ? did_you_mean(error.field, names) : "") +
+           "  (marble options lists them all)");
   return kBadInput;
 }
 

@@ -27,6 +27,8 @@ void add_example(CLI::App& program, int& exit_code);
 void add_health(CLI::App& program, int& exit_code);
 void add_info(CLI::App& program, int& exit_code);
 void add_options(CLI::App& program, int& exit_code);
+void add_completion(CLI::App& program, int& exit_code);
+void add_manual(CLI::App& program, int& exit_code);
 void add_version(CLI::App& program, int& exit_code);
 
 }  // namespace marble::cli
