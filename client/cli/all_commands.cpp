@@ -48,6 +48,27 @@ std::string wrong_word(const CLI::App& program, int argc, char** argv) {
   return "";
 }
 
+// Returns the fault of an argument that must be one of a few words; empty for any other. CLI11's own has the
+// numbers that the words stand for.
+std::string wrong_choice(const CLI::App& program, const CLI::ParseError& error) {
+  if (dynamic_cast<const CLI::ValidationError*>(&error) == nullptr) return "";
+  const std::string what = error.what(), name = what.substr(0, what.find(':'));
+  const auto parsed = program.get_subcommands();
+  if (parsed.empty()) return "";
+  const std::vector<Command> commands = command_tree(program);
+  const auto command = std::ranges::find(commands, parsed.front()->get_name(), &Command::name);
+  for (const auto* arguments : {&command->options, &command->places}) {
+    for (const Argument& argument : *arguments) {
+      const bool named = argument.place == name || std::ranges::count(argument.names, name) > 0;
+      if (!named || argument.choices.empty()) continue;
+      std::string text;
+      for (const std::string& choice : argument.choices) text += (text.empty() ? "" : ", ") + choice;
+      return name + ": must be one of " + text;
+    }
+  }
+  return "";
+}
+
 }  // namespace
 }  // namespace marble::cli
 
@@ -98,7 +119,8 @@ int main(int argc, char** argv) {
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    const std::string wrong = error.get_exit_code() == 0 ? "" : wrong_word(program, argc, argv);
+    std::string wrong = error.get_exit_code() == 0 ? "" : wrong_word(program, argc, argv);
+    if (wrong.empty()) wrong = wrong_choice(program, error);
     if (wrong.empty()) return exit_of(program, error);
     complain(wrong);
     return kBadInput;

@@ -173,6 +173,15 @@ class Suggestions(unittest.TestCase):
                 (["solve", "--local", "--option", "timelimit_s=3", "x.json"], "did you mean time_limit_s?")):
             self.assertIn(words, self.said(*arguments))
 
+    def test_values_of_which_there_are_few_are_listed(self):
+        for arguments, words in (
+                (["solve", "--priority", "fast", "x.json"], "marble: --priority: must be one of realtime, interactive, batch\n"),
+                (["jobs", "--state", "done"], "marble: --state: must be one of queued, running, idle, finished\n"),
+                (["solve", "--output", "xml", "x.json"], "marble: --output: must be one of text, json\n"),
+                (["completion", "tcsh"], "marble: SHELL: must be one of bash, zsh, fish\n")):
+            self.assertEqual(words, self.said(*arguments))
+        self.assertIn("--limit", self.said("jobs", "--limit", "-3"))
+
     def test_words_like_no_other_get_where_all_are(self):
         for arguments, words in (
                 (["qqqq"], "qqqq: is not a command  (marble --help lists them all)"),

@@ -69,7 +69,7 @@ void add_jobs(CLI::App& program, int& exit_code) {
                    "only jobs in this state: queued, running, idle or finished; may be repeated")
       ->allow_extra_args(false)
       ->transform(CLI::CheckedTransformer(states).description(""))
-      ->type_name("TEXT");
+      ->type_name("TEXT:{queued,running,idle,finished}");
   command->add_option("--client", arguments->query.client, "only jobs of this client");
   command->add_option("--limit", arguments->query.limit, "largest number of jobs; 0: 100")
       ->check(CLI::Range(0, 10000));
