@@ -11,6 +11,8 @@ from support import tiny
 
 import marble
 import marble.aio
+import marble.nlp
+from marble.layers import Layer
 from marble.model.scenarios import Scenarios
 
 
@@ -42,6 +44,10 @@ def test_jobs_take_options_by_their_names(client):
     job = client.jobs.submit(tiny(), time_limit_s=5, max_iterations=9)
     answer = client.jobs.result(job.job_id, wait=True)
     assert (answer.options["time_limit_s"], answer.options["max_iterations"]) == (5, 9)
+    array = client.jobs.submit_array([tiny()], max_iterations=9)
+    assert [one.result().options["max_iterations"] for one in client.jobs.array(array.job_id)] == [9]
+    with pytest.raises(marble.InvalidArgument, match="did you mean max_iterations"):
+        client.jobs.submit_array([tiny()], max_iter=9)
 
 
 def test_asyncio_takes_options_by_their_names(server):
@@ -87,6 +93,23 @@ def test_a_name_like_no_other_says_where_all_are():
     assert _said(options={"qqqq": 1}).startswith("qqqq: is no option; core/OPTIONS.md")
     assert "did you mean max_iterations" in _said(options={"max_iter": 1})
     assert _said(options=3, max_iterations=1) == "options is int: must be a mapping of names to values"
+
+
+def test_layers_and_nonlinear_problems_take_options_by_their_names():
+    layer = Layer(tiny(), ["g"], max_iterations=9)
+    solution, = layer.solve(layer.problems([[-2.0, -3.0]])[0])
+    assert solution.options["max_iterations"] == 9
+    with pytest.raises(marble.InvalidArgument, match="did you mean max_iterations"):
+        Layer(tiny(), ["g"], max_iter=9)
+    slope = {"gradient": np.array([2.0])}
+    with pytest.raises(marble.InvalidArgument, match="did you mean equality_tolerance"):
+        marble.nlp.solve(lambda x: {"objective": 2 * x[0]}, lambda x: slope, [0.0], equality_tolerence=1e-3)
+
+
+def test_a_name_is_guessed_once(either):
+    with pytest.raises(marble.InvalidArgument) as caught:
+        either.segments(tiny(), [0, 1], 2, max_iter=3)
+    assert str(caught.value).count("max_iterations") == 1
 
 
 def test_methods_for_research_are_refused(either):

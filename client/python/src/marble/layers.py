@@ -13,6 +13,7 @@ from marble.calls.batch import BatchItem
 from marble.calls.sensitivity import Sensitivity
 from marble.client import Client, solve
 from marble.errors import InvalidArgument
+from marble.message import requests
 from marble.model import lcqp
 from marble.model.derivatives import ANSWER, LETTERS
 from marble.model.lcqp import LCQP
@@ -29,7 +30,7 @@ class Layer:
     problem: all that is no parameter. parameters: letters of the equation: g, b, d, l, r, and of a matrix the values of
     its stored entries in the order of LCQP (of Q the upper triangle): explicit zeros are part of a pattern. outputs: of
     z, y, nu, xi, eta. start: an answer from which every solve starts; none: cold. So the same numbers always give the
-    same answer. client: a marble.Client; none: as marble.solve. options: of the solver, by name.
+    same answer. client: a marble.Client; none: as marble.solve. options, or any option by its name.
 
     Each number is an array of its part's size, or with one more axis in front: one problem a row. An answer that is not
     solved raises Unsolved.
@@ -37,14 +38,14 @@ class Layer:
 
     def __init__(self, problem: LCQP | Problem, parameters: Sequence[str], *, outputs: Sequence[str] = ("z",),
                  start: Solution | None = None, client: Client | None = None,
-                 options: Mapping[str, Any] | None = None) -> None:
+                 options: Mapping[str, Any] | None = None, **more_options: Any) -> None:
         self.problem = compiled(problem)
         self.parameters, self.outputs = tuple(parameters), tuple(outputs)
         for names, known, field in ((self.parameters, LETTERS, "parameters"), (self.outputs, ANSWER, "outputs")):
             for name in names:
                 if name not in known or names.count(name) > 1:
                     raise InvalidArgument(field, f"must be different ones of {', '.join(known)}", value=repr(name))
-        self._start, self._client, self._options = start, client, options
+        self._start, self._client, self._options = start, client, requests.merged(options, more_options)
         n, n_e, n_i, n_c = self.problem.sizes
         self.answer_sizes = dict(zip(ANSWER, (n, n_e, n_i, n_c, n_c), strict=True))
         """How many numbers z, y, nu, xi and eta have."""

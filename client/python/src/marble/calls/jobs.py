@@ -99,18 +99,19 @@ class Jobs(OnTransport):
         request = requests.submission(compiled(problem), Call(options, priority, request_id), coupled=part)
         return self._call("Jobs/Submit", request, _SUBMITTED, deadline)
 
-    def submit_array(self, elements: Iterable[LCQP | Problem | Mapping[str, Any] | ArrayItem], *,
+    def submit_array(self, /, elements: Iterable[LCQP | Problem | Mapping[str, Any] | ArrayItem], *,
                      base: LCQP | Problem | None = None, options: Mapping[str, Any] | None = None,
                      priority: Priority | str | None = None, request_id: str = "", name: str = "",
-                     deadline: float | None = None) -> SubmittedArray:
+                     deadline: float | None = None, **more_options: Any) -> SubmittedArray:
         """Queues many problems as one job, which outlives this process: for more than a batch may wait for.
 
         elements: problems, or new numbers for `base` by the letters of the equation, {"g": …, "A": …}, as in
         Session.update; ArrayItem for options of one's own. All are encoded before the first is sent.
-        options, priority: of all elements; batch, if no priority is given. name: for the server's log and page.
+        options, or any option by its name, and priority: of all elements; batch, if no priority is given. name: for the
+        server's log and page.
         deadline, request_id: as in submit. array() yields the results.
         """
-        call = Call(options, priority, request_id)
+        call = Call(requests.merged(options, more_options), priority, request_id)
         messages = submission_of(elements, None if base is None else compiled(base), name, call)
         return self._call("Jobs/SubmitArray", messages, answers.reads(SubmittedArray, "SubmitArrayResponse"), deadline)
 

@@ -59,7 +59,7 @@ def _check_options(options: object) -> None:
 
 def _unknown(name: str, others: Iterable[str] = ()) -> InvalidArgument:
     """The error of an unknown option, with the options or other names that may have been meant."""
-    known = [*contract.message("SolveOptions").DESCRIPTOR.fields_by_name, *others]
+    known = [*dict.fromkeys((*contract.message("SolveOptions").DESCRIPTOR.fields_by_name, *others))]
     near = [one for one in _ELSEWHERE.get(name.lower(), ()) if one in known]
     near = near or difflib.get_close_matches(name.lower(), known, _MOST_GUESSES)
     if near:

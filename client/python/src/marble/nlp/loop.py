@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import marble
 from marble.base.tables import Status
 from marble.in_process import core, core_errors
-from marble.message import records
+from marble.message import records, requests
 from marble.message.request import core_options
 from marble.nlp import ticks
 
@@ -97,7 +97,7 @@ def run(entry: str, problem: Mapping[str, Any], given: Mapping[str, Any], *more:
     """
     names = [field.name for field in fields(Settings)]
     settings = Settings(**{name: given[name] for name in names if name in given})
-    options = core_options({name: value for name, value in given.items() if name not in names})
+    options = core_options(requests.merged({}, {name: given[name] for name in given if name not in names}, names))
     progress = settings.progress
     report = None if progress is None else lambda *row: progress(Iteration(*row))
     main_thread = threading.get_ident() == threading.main_thread().ident
