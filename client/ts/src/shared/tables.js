@@ -135,7 +135,7 @@ export const statuses = /** @type {const} */ ({
   locally_infeasible: {
     tone: "bad",
     means: "The search ended at a point where the violation cannot be lowered any further; no feasible point is near. One may exist elsewhere.",
-    advice: "If detail names ill-conditioned rows, remove one of them. Otherwise raise max_feasibility_factorizations, or start elsewhere (x0). If it happens from every start, check the data of the largest violation.",
+    advice: "If detail names ill-conditioned rows, remove one of them. With path=paper, try path=fast. Otherwise raise max_feasibility_factorizations, or start elsewhere (x0). If it happens from every start, check the data of the largest violation.",
   },
   unbounded: {
     tone: "bad",

@@ -79,8 +79,9 @@ _ADVICE: Final = {
         "The problem contradicts itself: check the signs and offsets of A, b, C, d, l and r. Option explain=true, or "
         "the command marble explain, returns a smallest set of conflicting rows and pairs.",
     "locally_infeasible":
-        "If detail names ill-conditioned rows, remove one of them. Otherwise raise max_feasibility_factorizations, or"
-        " start elsewhere (x0). If it happens from every start, check the data of the largest violation.",
+        "If detail names ill-conditioned rows, remove one of them. With path=paper, try path=fast. Otherwise raise "
+        "max_feasibility_factorizations, or start elsewhere (x0). If it happens from every start, check the data of "
+        "the largest violation.",
     "unbounded": "A bound or a cost is missing: the nonzero entries of that direction show the variables.",
     "numerical_failure":
         "The cause is usually bad scaling: bring the data nearer to 1, avoid nearly equal rows, keep scaling_passes "
