@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 
+import benchmarks
 import pages
 import reference
 
@@ -53,6 +54,9 @@ def main():
     folder, build = (pathlib.Path(argument).resolve() for argument in sys.argv[1:])
     source = folder / "source"
     wanted = committed()
+    old = list(benchmarks.differences(benchmarks.PAGE.read_text(encoding="utf-8")))
+    if old:
+        sys.exit("\n".join(f"docs/benchmarks.md:{at}: {message}" for at, message in old))
     for page in [ROOT / "docs/gallery.md", *sorted(ROOT.glob("docs/learn/*.md")), *sorted(ROOT.glob("docs/guides/*.md"))]:
         if any(DRAWS.search(body) for _, _, body in pages.blocks(page.read_text(encoding="utf-8"))):
             wanted |= pictures(page, folder, build)

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Solves a QP by PIQP and Clarabel, those of them that are installed, and prints a line for each: name, seconds of set-up
-and solve (the least of TURNS), objective, largest violation.
+"""Solves a QP by PIQP, Clarabel and OSQP, those of them that are installed, and prints a line for each: name, seconds of
+set-up and solve (the least of TURNS), objective, largest violation.
 
 Usage: qp_peers.py PROBLEM.json TURNS        as `suite qp --peers` calls it; PROBLEM.json as client/FORMATS.md says, no pairs
 """
@@ -53,9 +53,23 @@ def clarabel(p):
     return time.perf_counter() - begin, np.array(answer.x)
 
 
+def osqp(p):
+    import osqp as package
+
+    rows = sp.vstack([p["A"], p["C"]], format="csc")
+    least = np.concatenate([-p["b"], -p["d"]])
+    most = np.concatenate([-p["b"], np.full(len(p["d"]), np.inf)])
+    solver = package.OSQP()
+    begin = time.perf_counter()
+    solver.setup(sp.triu(p["Q"], format="csc"), p["g"], rows, least, most, verbose=False, eps_abs=1e-6, eps_rel=1e-6,
+                 polishing=True, max_iter=20000, time_limit=30.0)
+    x = solver.solve(raise_error=False).x
+    return time.perf_counter() - begin, np.array(x)
+
+
 def main():
     problem = load(sys.argv[1])
-    for solve in (piqp, clarabel):
+    for solve in (piqp, clarabel, osqp):
         try:
             turns = [solve(problem) for _ in range(int(sys.argv[2]))]
         except ImportError:
