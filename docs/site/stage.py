@@ -1,5 +1,6 @@
 """Lays out the folder from which Sphinx builds the site: all pages and pictures of the repository at their own paths,
-the pictures that the code of docs/learn, docs/guides and docs/gallery.md draws, and the pages of the reference that are made of tables and programs.
+the pictures that the code of docs/learn, docs/guides and docs/gallery.md draws, the notebooks with what they show, and the
+pages of the reference that are made of tables and programs.
 
 Usage: stage.py FOLDER BUILD_DIR    makes FOLDER/source or brings it up to date; BUILD_DIR has the programs and marble
 """
@@ -16,8 +17,10 @@ import pages
 import reference
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+SITE = ROOT / "docs/site"
+MISSING = 77  # the exit code of what lacks a package
 DRAWS = re.compile(r"\.save(fig)?\(")
-PARTS = ("*.md", "*.svg", "*.png", "docs/_static/*", "docs/_templates/*")
+PARTS = ("*.md", "docs/notebooks/*.ipynb", "*.svg", "*.png", "docs/_static/*", "docs/_templates/*")
 
 
 def copy(source, target):
@@ -33,21 +36,26 @@ def committed():
     return {name: ROOT / name for name in listing.splitlines() if (ROOT / name).is_file()}
 
 
-def pictures(page, folder, build):
-    """What a page's code draws, from the last run if neither page nor solver has changed since."""
+def made_by(program, page, folder, build):
+    """The files that a program makes of a page or a notebook, from the last run if nothing has changed since: neither page, nor
+    solver, nor program. Of a notebook whose packages are missing, a page that says so.
+    """
     solver = sorted(build.glob("python/marble/_core*.so"))
-    parts = [page.read_bytes(), *(str(path.stat().st_mtime).encode() for path in [*solver, pathlib.Path(pages.__file__)])]
-    run = folder / "runs" / f"{page.stem}-{hashlib.sha256(b''.join(parts)).hexdigest()[:12]}"
+    parts = [page.read_bytes(), *(str(path.stat().st_mtime).encode() for path in [*solver, program])]
+    run = folder / "runs" / f"{page.stem}{page.suffix}-{hashlib.sha256(b''.join(parts)).hexdigest()[:12]}"
     if not (run / "done").exists():
-        for old in folder.glob(f"runs/{page.stem}-*"):
+        for old in folder.glob(f"runs/{page.stem}{page.suffix}-*"):
             shutil.rmtree(old)
         run.mkdir(parents=True)
         print(f"runs {page.relative_to(ROOT)}", flush=True)
-        if subprocess.run([sys.executable, pages.__file__, page, run, build]).returncode != 0:
+        status = subprocess.run([sys.executable, program, page, run, build]).returncode
+        if status not in (0, MISSING):
             shutil.rmtree(run)
             sys.exit(1)
-        (run / "done").touch()
-    return {f"{page.relative_to(ROOT).parent}/{path.name}": path for path in [*run.glob("*.svg"), *run.glob("*.png")]}
+        if status == 0:
+            (run / "done").touch()
+    return {f"{page.relative_to(ROOT).parent}/{path.name}": path
+            for kind in ("*.md", "*.svg", "*.png") for path in run.glob(kind)}
 
 
 def main():
@@ -59,7 +67,9 @@ def main():
         sys.exit("\n".join(f"docs/benchmarks.md:{at}: {message}" for at, message in old))
     for page in [ROOT / "docs/gallery.md", *sorted(ROOT.glob("docs/learn/*.md")), *sorted(ROOT.glob("docs/guides/*.md"))]:
         if any(DRAWS.search(body) for _, _, body in pages.blocks(page.read_text(encoding="utf-8"))):
-            wanted |= pictures(page, folder, build)
+            wanted |= made_by(SITE / "pages.py", page, folder, build)
+    for page in sorted(ROOT.glob("docs/notebooks/*.ipynb")):
+        wanted |= made_by(SITE / "notebooks.py", page, folder, build)
     for name, path in wanted.items():
         copy(path, source / name)
     made = {source / name for name in wanted}
