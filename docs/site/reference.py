@@ -1,7 +1,8 @@
 """The pages of docs/reference that are made of what describes itself: the programs' help, the contract, the OpenAPI
-description and the Python package.
+description, the Python package and the clients' sources.
 """
 
+import hashlib
 import importlib
 import inspect
 import json
@@ -11,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 
+import typescript
 from google.protobuf import descriptor_pb2
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -254,4 +256,5 @@ def first_comment(path):
 
 
 def pages(build, folder):
-    return {**cpp(folder), "commands.md": commands(build), "settings.md": settings(build), "http.md": http(), "c.md": c(), **contract(), **python(build)}
+    return {**cpp(folder / "doxygen"), "commands.md": commands(build), "settings.md": settings(build), "http.md": http(),
+            "c.md": c(), **contract(), **python(build), **typescript.pages(build, folder / "typedoc", words, table, toctree)}

@@ -41,7 +41,7 @@ def made_by(program, page, folder, build):
     solver, nor program. Of a notebook whose packages are missing, a page that says so.
     """
     solver = sorted(build.glob("python/marble/_core*.so"))
-    parts = [page.read_bytes(), *(str(path.stat().st_mtime).encode() for path in [*solver, program])]
+    parts = [page.read_bytes(), *(str(path.stat().st_mtime).encode() for path in [*solver, program, SITE / "matplotlibrc"])]
     run = folder / "runs" / f"{page.stem}{page.suffix}-{hashlib.sha256(b''.join(parts)).hexdigest()[:12]}"
     if not (run / "done").exists():
         for old in folder.glob(f"runs/{page.stem}{page.suffix}-*"):
@@ -73,7 +73,7 @@ def main():
     for name, path in wanted.items():
         copy(path, source / name)
     made = {source / name for name in wanted}
-    for name, text in reference.pages(build, folder / "doxygen").items():
+    for name, text in reference.pages(build, folder).items():
         path = source / "docs/reference" / name
         made.add(path)
         path.parent.mkdir(parents=True, exist_ok=True)
