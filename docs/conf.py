@@ -5,6 +5,7 @@ import pathlib
 import re
 import sys
 
+from docutils import nodes
 from sphinx import addnodes
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
@@ -71,6 +72,13 @@ def short(app, what, name, thing, options, signature, returns):
     return signature and without_aliases(signature), returns and without_aliases(returns)
 
 
+def stack(app, doctree):
+    """Has the table of terms stacked in narrow windows: its cells are too long for columns there."""
+    if app.env.docname == "docs/terms":
+        for part in doctree.findall(nodes.table):
+            part["classes"].append("stacked")
+
+
 def outline(app, doctree):
     """Leaves classes and enumerations of C++ in a page's outline: all members would be in the navigation of each page."""
     for part in doctree.findall(addnodes.desc):
@@ -84,3 +92,4 @@ def setup(app):
     app.connect("autodoc-process-docstring", plain)
     app.connect("autodoc-process-signature", short)
     app.connect("doctree-read", outline, priority=100)
+    app.connect("doctree-read", stack)

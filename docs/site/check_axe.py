@@ -1,7 +1,7 @@
-"""Whether axe-core finds faults of accessibility in a built site, and whether a page is wider than the window: at 1440 and
-390 pixels, light and dark, in Debian's Chromium.
+"""Whether axe-core finds faults of accessibility in a built site, whether a page is wider than the window, at 1440 and 390
+pixels, light and dark, and whether searches find their page: in Debian's Chromium.
 
-Usage: check_axe.py FOLDER AXE [--all | PAGE...]    AXE is axe.min.js. Without pages, some that stand for the others
+Usage: check_axe.py FOLDER AXE [--all | PAGE...]    AXE is axe.min.js. Without pages, one or two of each kind; all take 10 minutes
 Exits with 1 and a line for each fault, with 77 without Chromium or selenium.
 """
 
@@ -10,14 +10,21 @@ import http.server
 import pathlib
 import sys
 import threading
+import urllib.parse
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/page"))
 sys.path.insert(0, str(ROOT / "tests/support"))
 SIZES = ((1440, 900), (390, 844))
-SAMPLES = [f"docs/{name}" for name in (
-    "index", "guides", "terms", "learn/first-lcqp", "guides/from-gurobi", "reference/python/Session",
-    "reference/cpp/options")] + ["search", "core/OPTIONS"]  # cards, tabs, code, tables, signatures
+SAMPLES = [f"docs/{name}" for name in (  # cards, tables, tabs, code, pictures, formulas, signatures
+    "index", "guides", "terms", "benchmarks", "gallery", "mathematics", "learn/first-lcqp", "notebooks/session",
+    "guides/from-gurobi", "reference/python/Session", "reference/cpp/options", "reference/cpp/jobs",
+    "reference/typescript/Client", "reference/proto/service", "reference/http")] + ["search", "core/OPTIONS"]
+SEARCHES = {"portfolio cardinality": "docs/learn/portfolio.html", "M-stationary": "docs/mathematics.html"}
+FIRST = 3  # a page must be among so many results
+RESULTS = """const area = document.querySelector("#search-results");
+if (!area?.querySelector("h2") || /Searching|Preparing/.test(area.textContent)) return null;
+return [...area.querySelectorAll("li > a")].map((link) => link.getAttribute("href").replace(/#.*/, ""));"""
 AXE = """const done = arguments[1];
 axe.run(arguments[0] ? document : {exclude: [".sidebar-tree"]}, {resultTypes: ["violations"], preload: false})
   .then((found) => done(found.violations));"""
@@ -27,6 +34,21 @@ PATIENCE_S = 120  # for one run of axe, beside a busy machine's other work
 class Quiet(http.server.SimpleHTTPRequestHandler):
     def log_message(self, *_):
         pass
+
+
+def searches(browser, address):
+    """A line for each search whose page is not among the first results, or whose result does not lead there."""
+    for words, page in SEARCHES.items():
+        browser.open(f"{address}/search.html?q={urllib.parse.quote(words)}")
+        browser.wait(f"return (() => {{ {RESULTS} }})() !== null")
+        found = browser.run(RESULTS)
+        if page not in found[:FIRST]:
+            yield f"search for {words!r}: {page} is not among the first {FIRST} of {len(found)} results: {found[:FIRST]}"
+            continue
+        browser.all("#search-results li > a")[found.index(page)].click()
+        browser.wait("return document.readyState === 'complete' && !location.pathname.endsWith('search.html')")
+        if not browser.driver.current_url.partition("?")[0].partition("#")[0].endswith(page):
+            yield f"search for {words!r}: the result leads to {browser.driver.current_url}"
 
 
 def main():
@@ -66,8 +88,12 @@ def main():
             count += len(faults)
             for line in faults:
                 print(line, flush=True)
+    if not wanted:
+        for line in searches(browser, f"http://127.0.0.1:{server.server_port}"):
+            count += 1
+            print(line, flush=True)
     browser.close()
-    print(f"{len(pages)} pages, {runs} runs of axe, {count} faults")
+    print(f"{len(pages)} pages, {runs} runs of axe, {0 if wanted else len(SEARCHES)} searches, {count} faults")
     sys.exit(1 if count else 0)
 
 

@@ -16,7 +16,6 @@ import pages
 CELL_S = 300  # for each cell, on a busy machine too
 SETUP = """%matplotlib inline
 %config InlineBackend.figure_formats = ['svg']
-%config InlineBackend.print_figure_kwargs = {"facecolor": "none", "bbox_inches": "tight"}
 """
 
 

@@ -232,15 +232,17 @@ def cpp(folder):
     headers = {path.name: path for place in ("core/include/marble", "core/examples/include/marble", "client/cpp/include/marble")
                for path in sorted((ROOT / place).glob("*.h"))}
     made = folder / "xml/index.xml"
-    read = [recipe, *headers.values(), *(path for header in headers.values() for path in header.parent.glob("*.def"))]
+    read = [pathlib.Path(__file__), recipe, *headers.values(), *(path for header in headers.values() for path in header.parent.glob("*.def"))]
     if not made.exists() or max(path.stat().st_mtime for path in read) > made.stat().st_mtime:
         folder.mkdir(parents=True, exist_ok=True)
         subprocess.run(["doxygen", "-"], input=text, text=True, check=True)
         for path in folder.glob("xml/*.xml"):
             public = re.sub(r'<sectiondef kind="private-.*?</sectiondef>', "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
-            path.write_text(public, encoding="utf-8")
-    pages = {f"cpp/{name.removesuffix('.h')}.rst": f"marble/{name}\n{'=' * 50}\n\n.. doxygenfile:: {name}\n"
-             for name in headers}
+            public = re.sub(r'<memberdef kind="friend"[^>]*>\s*<type>class</type>.*?</memberdef>', "", public, flags=re.DOTALL)
+            path.write_text(re.sub(r'<sectiondef kind="friend">\s*</sectiondef>', "", public), encoding="utf-8")
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in read)).hexdigest()[:12]  # Sphinx does not see the headers
+    pages = {f"cpp/{name.removesuffix('.h')}.rst":
+             f".. of {digest}\n\nmarble/{name}\n{'=' * 50}\n\n.. doxygenfile:: {name}\n" for name in headers}
     rows = [[f"[marble/{name}]({name.removesuffix('.h')}.rst)", words(first_comment(path))] for name, path in headers.items()]
     pages["cpp/index.md"] = (
         "# C++\n\n[Marble for C++](../../../client/cpp/README.md) explains the library; this is the reference of its headers. "
