@@ -3,8 +3,8 @@
 
 A line `<!-- figures: NAME -->` of the page begins a part that `NAME` below makes; `<!-- end -->` ends it.
 
-Usage: benchmarks.py [PAGE]              exits with 1 and a line for each difference between page and records, and for each
-                                         figure outside such parts
+Usage: benchmarks.py [PAGE]              exits with 1 and a line for each difference between page and records, for each figure
+                                         outside such parts, and for each of README that Measurements lack
        benchmarks.py --write             writes the parts anew
        benchmarks.py --record NAME...    runs the command of a record with MARBLE_BUILD, build/release by default, and keeps
                                          what it prints; then --write
@@ -28,6 +28,7 @@ RECORDS = ROOT / "docs/records"
 PAGE = ROOT / "docs/benchmarks.md"
 PART = re.compile(r"(?<=^<!-- figures: )(\w+) -->\n(.*?)(?=^<!-- end -->$)", re.DOTALL | re.MULTILINE)
 SOLVED = 1e-4  # what `suite qp` accepts as the same objective
+FIGURE = r"(?<![\w.])\d+(?:[.,]\d+)*(?![\w])"
 EQUAL_TIMES = 1.05  # what is not called faster
 
 
@@ -320,6 +321,18 @@ def differences(text):
             yield at, f"a figure outside the parts that are computed: {line.strip()!r}"
 
 
+def claims(readme):
+    """(line, message) of figures of README that link to a section of Measurements which does not have them."""
+    text = (ROOT / "loadtest/MEASURED.md").read_text(encoding="utf-8")
+    parts = re.split(r"^## (.+)\n", text, flags=re.MULTILINE)
+    sections = {title.lower().replace(" ", "-"): set(re.findall(FIGURE, body)) for title, body in zip(parts[1::2], parts[2::2])}
+    for at, line in enumerate(readme.splitlines(), 1):
+        for anchor in re.findall(r"\(loadtest/MEASURED\.md#([\w-]+)\)", line):
+            absent = set(re.findall(FIGURE, re.sub(r"\]\([^)]*\)", "", line))) - sections.get(anchor, set())
+            if absent:
+                yield at, f"the section {anchor} of Measurements lacks {', '.join(sorted(absent))}"
+
+
 def record(name):
     entry = about()[name]
     with tempfile.TemporaryDirectory() as folder:
@@ -342,8 +355,11 @@ def main():
         return
     page = pathlib.Path(arguments[0]) if arguments else PAGE
     found = list(differences(page.read_text(encoding="utf-8")))
-    print("\n".join([*(f"{page.name}:{at}: {message}" for at, message in found), f"{len(PARTS)} parts, {len(found)} differences"]))
-    sys.exit(1 if found else 0)
+    claimed = list(claims((ROOT / "README.md").read_text(encoding="utf-8")))
+    print("\n".join([*(f"{page.name}:{at}: {message}" for at, message in found),
+                     *(f"README.md:{at}: {message}" for at, message in claimed),
+                     f"{len(PARTS)} parts, {len(found) + len(claimed)} differences"]))
+    sys.exit(1 if found or claimed else 0)
 
 
 if __name__ == "__main__":

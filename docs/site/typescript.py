@@ -81,11 +81,17 @@ def parameters(signature):
 def comment(part, words):
     """The summary, and what a tag says."""
     own = part.get("comment") or part.get("getSignature", {}).get("comment") or {}
-    text = words("".join(piece["text"] for piece in own.get("summary", [])))
+    text = words("".join(piece["text"] for piece in own.get("summary", []) if not piece["text"].startswith("```")))
     for tag in own.get("blockTags", []):
         content = words("".join(piece["text"] for piece in tag["content"]))
         text += f" {'Throws' if tag['tag'] == '@throws' else 'See'}: {content}"
     return text.strip()
+
+
+def examples(part):
+    """The blocks of code in a comment."""
+    pieces = part.get("comment", {}).get("summary", [])
+    return "".join(piece["text"] + "\n\n" for piece in pieces if piece["text"].startswith("```"))
 
 
 def signatures(part, words):
@@ -116,6 +122,7 @@ def members(part, words, table):
 def section(part, words, table):
     extended = [type_text(base) for base in part.get("extendedTypes", [])]
     text = f"## {part['name']}\n\n" + (f"Extends `{', '.join(extended)}`. " if extended else "") + comment(part, words) + "\n\n"
+    text += examples(part)
     if part["kind"] == ALIAS:
         return text + f"```ts\ntype {part['name']} = {type_text(part['type'])}\n```\n\n"
     if part["kind"] == FUNCTION:

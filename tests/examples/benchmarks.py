@@ -1,5 +1,5 @@
-"""Whether docs/benchmarks.md has the figures of docs/records and of loadtest/MEASURED.md, and whether the check finds a figure
-that was edited in the page or in a record.
+"""Whether docs/benchmarks.md has the figures of docs/records and of loadtest/MEASURED.md, and README those of the latter; and
+whether the check finds a figure that was edited in a page or in a record.
 
 Usage: benchmarks.py ROOT
 """
@@ -34,6 +34,14 @@ for part in benchmarks.PART.finditer(page):
 prose = page.replace("## Service\n", "## Service\nIt takes 7 ms.\n")
 if not list(benchmarks.differences(prose)):
     faults.append("a figure outside the parts is not found")
+
+readme = (root / "README.md").read_text(encoding="utf-8")
+faults += [f"README.md:{at}: {message}" for at, message in benchmarks.claims(readme)]
+for line in [line for line in readme.splitlines() if "loadtest/MEASURED.md#" in line]:
+    figure = re.search(r"\[\D*(\d[\d.]*)", line)
+    changed += 1
+    if not list(benchmarks.claims(readme.replace(line, line[:figure.start(1)] + "987.654" + line[figure.end(1):]))):
+        faults.append(f"README.md: an edited figure is not found: {line}")
 
 with tempfile.TemporaryDirectory() as folder:
     copy = pathlib.Path(folder) / "records"
