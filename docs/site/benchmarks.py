@@ -146,14 +146,16 @@ def solves(answer):
 
 def qp():
     found, solvers = dict(qps()), ("marble", "piqp", "clarabel", "osqp")
-    cells = [[name, *(f"{number(of[solver][0])}{'' if solves(of[solver]) else ', not solved'}" for solver in solvers)]
+    work = {line.split()[0]: line.split()[1] for line in lines("qp") if line.split(" ")[0] in found}
+    cells = [[name, work[name], *(f"{number(of[solver][0])}{'' if solves(of[solver]) else ', not solved'}" for solver in solvers)]
              for name, of in found.items()]
-    cells.append(["largest violation", *(f"{max(of[solver][2] for of in found.values() if solves(of[solver])):.0e}"
-                                         for solver in solvers)])
+    cells.append(["largest violation", "", *(f"{max(of[solver][2] for of in found.values() if solves(of[solver])):.0e}"
+                                             for solver in solvers)])
     for solver in solvers[1:]:
         ratios = [of["marble"][0] / of[solver][0] for of in found.values() if solves(of[solver])]
-        cells.append([f"Marble's time over {PEERS[solver]}'s, geometric mean", number(statistics.geometric_mean(ratios), 2), "", "", ""])
-    return table(["problem, ms", "Marble", "PIQP", "Clarabel", "OSQP"], cells) + origin("qp")
+        cells.append([f"Marble's time over {PEERS[solver]}'s, geometric mean", "", number(statistics.geometric_mean(ratios), 2),
+                      "", "", ""])
+    return table(["problem", "factorizations", "Marble, ms", "PIQP", "Clarabel", "OSQP"], cells) + origin("qp")
 
 
 def nonlinear():
