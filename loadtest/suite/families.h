@@ -70,6 +70,9 @@ void coupled(const Settings& settings);
 /// One plan for sampled scenarios, in growing sample-average stages against all at once: the rocket by its
 /// trigger's altitude, the hopper by friction.
 void scenarios(const Settings& settings);
+/// Many elements of one pattern: one by one, as a session and by a BatchSolver. Objectives against cold
+/// solves.
+void batches(const Settings& settings);
 
 // Measures the effect of each number of core/src/model/tuning.def: a sweep over generated families of
 // problems.

@@ -110,10 +110,15 @@ class Solver {
   [[nodiscard]] Expected<Solution> solve(const SolveControls& controls = {});
 
  private:
-  friend class WarmSolver;  // which passes checked data, and shifts the tree together with its solution
+  friend class WarmSolver;   // which passes checked data, and shifts the tree together with its solution
+  friend class BatchSolver;  // which passes checked data, and solves elements that do not depend on each
+                             // other
   struct State;
   explicit Solver(std::unique_ptr<State> state);
-  [[nodiscard]] Expected<Solution> solve(const SolveControls& controls, bool resumes, bool keeps_start);
+  [[nodiscard]] Expected<Solution> solve(const SolveControls& controls, bool resumes, bool keeps_start,
+                                         std::span<const Solution* const> near = {});
+  void return_to_setup(const ProblemUpdate& all_numbers);
+  void take_element(const ProblemUpdate& checked, const ProblemUpdate& all_numbers);
   void prepare(const Solution& warm_start, const SolveControls& controls);
   [[nodiscard]] bool is_unfinished() const;
   void forget_unfinished();

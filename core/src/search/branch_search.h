@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <span>
 
 #include "path/interior.h"
 #include "path/path.h"
@@ -73,6 +74,10 @@ class BranchSearch {
     Stage stage = Stage::beginning;
     return start_from(run, solution, reference_objective, stage);
   }
+  /// Starts from the best branch of solutions of similar problems, the nearest one first, or from one near
+  /// the first solution if all are infeasible, and switches pairs from there. Returns false if no feasible
+  /// branch is near. What it finds does not depend on earlier solves.
+  [[nodiscard]] bool start_near(Run& run, std::span<const Iterate> solutions);
   /// True if the last start_from() has searched, to the end.
   [[nodiscard]] bool has_searched() const { return has_searched_; }
   /// Call this before a cold start, with which a sequence begins.

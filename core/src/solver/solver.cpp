@@ -13,8 +13,7 @@
 #include "model/text_of.h"
 #include "model/tuning.h"
 #include "path/proof_record.h"
-#include "proof/balance.h"
-#include "proof/stationarity.h"
+#include "solver/answer.h"
 #include "solver/solver_bytes.h"
 #include "solver/strategy.h"
 
@@ -75,84 +74,6 @@ Error ended(bool stopped) {
 
 bool bears(const Vector& start) { return max_abs(start) <= tuning::farthest_start; }
 
-// 0 · ∞ is NaN, and so is any sum that contains it.
-bool all_finite(const std::vector<double>& values) {
-  const auto size = static_cast<Eigen::Index>(values.size());
-  return (Eigen::Map<const Vector>(values.data(), size).array() * 0.0).sum() == 0.0;
-}
-
-bool is_finite(const Solution& s) {
-  return all_finite(s.z) && all_finite(s.equality_multipliers) && all_finite(s.inequality_multipliers) &&
-         all_finite(s.complementarity_multipliers_L) && all_finite(s.complementarity_multipliers_R) &&
-         all_finite(s.certificate) && std::isfinite(s.objective) && std::isfinite(s.violations.equality) &&
-         std::isfinite(s.violations.inequality) && std::isfinite(s.violations.complementarity) &&
-         std::isfinite(s.kkt_residual);
-}
-
-// For data near the largest double, even z = 0 may have a residual that overflows.
-void clamp(double& value) {
-  constexpr double kLargest = std::numeric_limits<double>::max();
-  value = std::isnan(value) ? kLargest : std::clamp(value, -kLargest, kLargest);
-}
-
-double user_stationarity(const ScaledProblem& problem, const Images& images) {
-  return max_abs(images.stationarity.cwiseQuotient(problem.variable_scale)) / problem.cost_scale;
-}
-
-void take_point(const ScaledProblem& problem, const Iterate& x, Images& images, Solution& solution) {
-  images.evaluate(problem, x);
-  const double cost = 1.0 / problem.cost_scale;
-  report(problem, x, solution);
-  solution.objective = cost * images.objective + problem.c0;
-  solution.violations = violations(problem, images);
-  const auto slacks = problem.layout.inequality_part(images.rows.all);
-  const double slackness = cost * max_abs(slacks.cwiseProduct(x.lambda_w()));
-  const double stationarity = user_stationarity(problem, images);
-  solution.kkt_residual = std::isnan(slackness) ? slackness : std::max(stationarity, slackness);
-}
-
-// Replaces a point that has overflowed by z = 0, whatever the status of the run.
-void take_zero(const ScaledProblem& problem, Images& images, Solution& solution) {
-  Iterate zero(problem);
-  take_point(problem, zero, images, solution);
-  solution.certificate.clear();
-  for (double* value : {&solution.objective, &solution.violations.equality, &solution.violations.inequality,
-                        &solution.violations.complementarity, &solution.kkt_residual})
-    clamp(*value);
-  if (!ended_by_force(solution.status)) solution.status = Status::numerical_failure;
-  solution.detail += "; its numbers overflowed: z is 0";
-}
-
-// Makes the solution, in which every number is finite. It is not solved if the run reports a point as solved
-// that is not, or as almost solved that is so only in the scaled problem; it is almost_solved if the point is
-// solved only there.
-Solution answer(const ScaledProblem& problem, const Options& options, const Ending& ending, const Iterate& x,
-                const Run& run) {
-  Images images(problem);
-  Solution solution;
-  solution.status = ending.status;
-  solution.detail = ending.detail;
-  solution.certificate = ending.certificate;
-  take_point(problem, x, images, solution);
-  if (!is_finite(solution)) {
-    take_zero(problem, images, solution);
-  } else if (is_solved(ending.status) && !is_balanced(problem, options, images, x)) {
-    solution.status = Status::numerical_failure;
-    solution.detail +=
-        "; no solution: stationarity is violated by " + scientific(user_stationarity(problem, images), 2);
-  } else if (is_solved(ending.status) && !is_balanced_in_user_units(problem, images, x)) {
-    solution.status = ending.status == Status::solved ? Status::almost_solved : Status::numerical_failure;
-    solution.detail += "; its numbers lie too far apart: stationarity is violated by " +
-                       scientific(user_stationarity(problem, images), 2);
-  }
-  if (is_solved(solution.status)) solution.stationarity = classify(images, x);
-  solution.iterations = run.iterations;
-  solution.factorizations = run.factorizations;
-  solution.times = run.times;
-  solution.times.solve_s = run.elapsed_s();
-  return solution;
-}
-
 // Published methods are valid only where the caller has brought them.
 Expected<void> validate_with(const ReferenceMethods* methods, const Options& options) {
   return methods != nullptr ? validate_ranges(options) : validate(options);
@@ -210,6 +131,13 @@ struct Solver::State {
   std::int64_t memory_bytes = 0;
   double bytes_left = 0.0;        // of what the solver may take
   bool has_new_matrices = false;  // since their scaling was fitted
+  struct Scaling {
+    ScaleFactors factors;
+    ScaledSizes sizes;
+  };
+  std::optional<Scaling> first_scaling;  // of the set-up, kept for a batch
+  bool is_rescaled = false;              // since then
+  std::vector<Iterate> near;             // scaled solutions of similar problems
 };
 
 void Solver::State::add_sensitivity(const Strategy::Answer& found, const SensitivityRequest& request,
@@ -304,8 +232,41 @@ void Solver::take(const ProblemUpdate& checked) {
 void Solver::fit_scaling() {
   const bool changed = std::exchange(state_->has_new_matrices, false);
   if (!refit_scaling(state_->problem, state_->options.scaling_passes, changed)) return;
+  state_->is_rescaled = true;
   state_->strategy.forget_scaling();
   load_matrices();
+}
+
+// For a batch: back to the state after create(), with all numbers of the problem that was set up, so that
+// nothing of earlier elements is left. Convexity is decided here, so that no element depends on which one had
+// to know it first.
+void Solver::return_to_setup(const ProblemUpdate& all_numbers) {
+  ScaledProblem& p = state_->problem;
+  if (!state_->first_scaling)
+    state_->first_scaling = {{p.variable_scale, p.equality_scale, p.row_scale, p.cost_scale}, p.sizes};
+  const auto& [factors, sizes] = *state_->first_scaling;
+  p.variable_scale = factors.variable;
+  p.equality_scale = factors.equality;
+  p.row_scale = factors.row;
+  p.cost_scale = factors.cost;
+  p.sizes = sizes;
+  state_->strategy.forget_scaling();
+  take(all_numbers);
+  state_->has_new_matrices = state_->is_rescaled = false;
+  const SolveControls controls;
+  Run run(state_->options, controls);
+  state_->kkt->attend(run.interrupt());
+  static_cast<void>(state_->strategy.decide_convexity(run));
+  state_->kkt->attend({});
+}
+
+// Takes an element's numbers as if it were the first one after return_to_setup().
+void Solver::take_element(const ProblemUpdate& checked, const ProblemUpdate& all_numbers) {
+  if (state_->is_rescaled) return_to_setup(all_numbers);
+  state_->problem.sizes = state_->first_scaling->sizes;
+  state_->strategy.forget_unfinished();
+  take(checked);
+  fit_scaling();
 }
 
 void Solver::load_matrices() {
@@ -336,7 +297,10 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
   return solve(controls, false, !controls.initial_z.empty() && controls.warm_start == nullptr);
 }
 
-Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bool keeps_start) {
+// near: solutions of similar problems with the sizes of this one, checked by the caller; the nearest one
+// first.
+Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bool keeps_start,
+                                 std::span<const Solution* const> near) {
   MARBLE_RETURN_IF_ERROR(Problem::check_initial_point(controls.initial_z, state_->problem.variables()));
   if (controls.warm_start != nullptr) {
     MARBLE_RETURN_IF_ERROR(check_warm_start(*controls.warm_start, state_->sizes));
@@ -365,14 +329,21 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bo
     state_->initial_z.setZero();
     warm_start.reset();
   }
-  Strategy::Answer found =
-      state_->strategy.run(run, state_->initial_z, warm_start,
-                           {.resumes = resumes && !too_far, .keeps_start = keeps_start && !too_far});
+  std::size_t used = 0;
+  for (const Solution* solution : near) {
+    if (used == state_->near.size()) state_->near.emplace_back(state_->problem);
+    marble::take(state_->problem, *solution, state_->near[used]);
+    if (bears(state_->near[used].all)) ++used;
+  }
+  Strategy::Answer found = state_->strategy.run(run, state_->initial_z, warm_start,
+                                                {.resumes = resumes && !too_far,
+                                                 .keeps_start = keeps_start && !too_far,
+                                                 .near = std::span(state_->near).first(used)});
   Solution solution = answer(state_->problem, state_->options, found.ending, *found.x, run);
   const auto is_refused = [&] {
     return solution.status != found.ending.status && solution.status != Status::almost_solved;
   };
-  const bool started = warm_start || max_abs(state_->initial_z) > 0.0;
+  const bool started = warm_start || used > 0 || max_abs(state_->initial_z) > 0.0;
   const bool again = is_refused() && started && !run.interrupted();
   if (again) {
     state_->initial_z.setZero();

@@ -13,6 +13,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <span>
 
 #include "global/tree.h"
 #include "path/path.h"
@@ -50,14 +51,18 @@ class Strategy {
   /// Solves from z (scaled). With a warm start, its branch comes first. With `resumes`, the run continues
   /// where the last one was interrupted, if that had no exact solution yet. With `keeps_start`, if z is
   /// feasible, its branch is solved first, and the solution is never above that of this branch; nor is it
-  /// above a feasible warm start.
+  /// above a feasible warm start. With `near`, solutions of similar problems without an order in time, the
+  /// best of their branches comes first instead, with a search around it.
   struct How {
     bool resumes = false, keeps_start = false;
+    std::span<const Iterate> near = {};
   };
   [[nodiscard]] Answer run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start,
                            How how);
   /// True if Q is known to be convex without another factorization.
   [[nodiscard]] bool known_convex() { return optimality_.known_convex(); }
+  /// Decides the same by a factorization if it is not known.
+  [[nodiscard]] bool decide_convexity(Run& run) { return optimality_.convex(run); }
   /// True if a run may resume.
   [[nodiscard]] bool is_unfinished() const { return stage_ != Stage::beginning; }
   void forget_unfinished() { stage_ = Stage::beginning; }
@@ -118,6 +123,7 @@ class Strategy {
   void solve_start(Run& run);
   [[nodiscard]] std::optional<Answer> step_from_start(Run& run, ConstVectorRef z,
                                                       const WarmStart& warm_start);
+  [[nodiscard]] std::optional<Answer> step_near(Run& run, std::span<const Iterate> solutions);
   [[nodiscard]] bool start_in_segments(Run& run, PathBranch branch);
   [[nodiscard]] Answer not_above_start(Run& run, Answer answer, ConstVectorRef z, bool warm);
   struct Judged {
