@@ -22,6 +22,10 @@ void bind_scenarios(pybind11::module_& module);
 /// marble.Solution. All blocks are solved at once, each on a waiting thread.
 void bind_coupled(pybind11::module_& module);
 
+/// Binds marble._core.Batches(problem, options), for marble.BatchSolver, the names `statuses` of its codes,
+/// and most_batch_elements.
+void bind_batches(pybind11::module_& module);
+
 // Provides planners of linear complementarity systems for Python.
 
 /// Binds marble._core.LcsPlanner(lcs, task, options) and lcs_rollout(lcs, x0, u), for marble.lcs.

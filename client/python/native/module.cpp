@@ -244,6 +244,7 @@ PYBIND11_MODULE(_core, m) {
   bind_scenarios(m);
   bind_coupled(m);
   bind_lcs(m);
+  bind_batches(m);
 }
 
 }  // namespace marble::python

@@ -81,7 +81,8 @@ struct BatchSolverControls {
 /// spread over the batch, are solved cold, as by Solver::update and solve; then more and more others, from
 /// the branches of the nearest solved ones, followed by a search around the best of these. Near is by the
 /// numbers that differ within the batch, each over its standard deviation; of more than eight, by a fixed
-/// random projection. Measured, at least 99 % of the elements end no higher than a cold solve of their own.
+/// random projection. At least 99 % of cart-poles, hoppers and small problems end no higher than a cold solve
+/// of their own; of random problems with 30 pairs 95 %, and 7 % end lower.
 /// Options that search longer (global_search, num_starts > 1), path other than fast, and polish = false solve
 /// every element cold. One thread at a time may use a BatchSolver.
 class BatchSolver {

@@ -3,6 +3,7 @@
 from marble.base.tables import Status
 from marble.calls.array import ArrayAnswer, ArrayItem
 from marble.calls.batch import BatchAnswer, BatchItem
+from marble.calls.batch_solver import BatchResult, BatchSolver
 from marble.calls.jobs import Jobs
 from marble.calls.sensitivity import Sensitivity
 from marble.calls.session import Session
@@ -69,6 +70,8 @@ __all__ = [
     "ArrayProgress",
     "BatchAnswer",
     "BatchItem",
+    "BatchResult",
+    "BatchSolver",
     "Cancelled",
     "Client",
     "Conflict",
