@@ -131,7 +131,7 @@ Elements random_elements(const testing::RandomSizes& sizes, std::size_t count, s
 }
 
 struct Run {
-  double seconds = 0.0, factorizations = 0.0;
+  double seconds = 0.0, processor_s = 0.0, factorizations = 0.0;
   std::vector<double> objectives;  // infinity: not solved
   int wrong = 0;                   // by the independent check
 };
@@ -153,6 +153,7 @@ Run one_by_one(const Elements& elements, bool sets_up) {
   auto solver = Solver::create(Problem::create(elements.pattern.view()).value()).value();
   for (std::size_t i = 0; i < elements.problems.size(); ++i) {
     const auto begin = Clock::now();
+    const double processor_begin = processor_seconds();
     Solution solution;
     if (sets_up) {
       solution = solve_in_process(elements.problems[i].view()).value();
@@ -161,6 +162,7 @@ Run one_by_one(const Elements& elements, bool sets_up) {
       solution = solver.solve().value();
     }
     run.seconds += seconds_since(begin);
+    run.processor_s += processor_seconds() - processor_begin;
     run.factorizations += solution.factorizations;
     take(elements, i, solution.status, solution.z, solution.objective, run);
   }
@@ -172,8 +174,10 @@ Run session(const Elements& elements) {
   auto solver = WarmSolver::create(Problem::create(elements.pattern.view()).value()).value();
   for (std::size_t i = 0; i < elements.problems.size(); ++i) {
     const auto begin = Clock::now();
+    const double processor_begin = processor_seconds();
     const Solution solution = solver.solve(elements.update(i)).value();
     run.seconds += seconds_since(begin);
+    run.processor_s += processor_seconds() - processor_begin;
     run.factorizations += solution.factorizations;
     take(elements, i, solution.status, solution.z, solution.objective, run);
   }
@@ -185,9 +189,11 @@ Run batch(const Elements& elements, const Table& table, int threads, BatchResult
   if (start != nullptr && start->count == 0)
     *start = solver.solve(table.numbers, {.threads = threads, .multipliers = true}).value();
   const auto begin = Clock::now();
+  const double processor_begin = processor_seconds();
   const BatchResult result = solver.solve(table.numbers, {.threads = threads, .start = start}).value();
   Run run;
   run.seconds = seconds_since(begin);
+  run.processor_s = processor_seconds() - processor_begin;
   const std::size_t n = elements.pattern.g.size();
   for (std::size_t i = 0; i < result.count; ++i) {
     run.factorizations += result.factorizations[i];
@@ -207,9 +213,9 @@ void print(const char* name, const char* how, const Run& run, const Run& referen
     lower += apart < -noise;
   }
   const double each = static_cast<double>(count);
-  std::printf("%-12s %-24s %8zu %8d %8.1f %10.1f %10.0f %8d %8d %8d\n", name, how, count, solved,
-              run.factorizations / each, 1e6 * run.seconds / each, each / run.seconds, higher, lower,
-              run.wrong);
+  std::printf("%-12s %-24s %8zu %8d %8.1f %10.1f %10.1f %10.0f %8d %8d %8d\n", name, how, count, solved,
+              run.factorizations / each, 1e6 * run.seconds / each, 1e6 * run.processor_s / each,
+              each / run.seconds, higher, lower, run.wrong);
   std::fflush(stdout);
 }
 
@@ -228,8 +234,8 @@ void compare(const char* name, const Elements& elements) {
 }  // namespace
 
 void batches(const Settings& settings) {
-  std::printf("%-12s %-24s %8s %8s %8s %10s %10s %8s %8s %8s\n", "elements", "how", "count", "solved",
-              "fact.", "us each", "per s", "higher", "lower", "wrong");
+  std::printf("%-12s %-24s %8s %8s %8s %10s %10s %10s %8s %8s %8s\n", "elements", "how", "count", "solved",
+              "fact.", "us each", "us of CPU", "per s", "higher", "lower", "wrong");
   const auto seed = static_cast<std::uint64_t>(settings.judging ? 2000 : 1000);
   const auto wanted = [&](const char* name) { return settings.only.empty() || settings.only == name; };
   if (wanted("cart-pole")) compare("cart-pole", cart_poles(1000, seed));

@@ -1,7 +1,7 @@
 // A session's messages, one after the other, through the session's own checks and its solver: setups (each
 // opens another session) and updates that are solved, prepared, superseded or abandoned. Every answer is
 // judged by the numbers in force. A session that prepares gives the same bits as one that solves each update
-// in one step.
+// in one step. At its end the numbers of all its answers are solved again, as one batch.
 #include <google/protobuf/stubs/logging.h>
 
 #include <cstring>
@@ -12,6 +12,7 @@
 #include "base/wire.h"
 #include "calls/waiting_updates.h"
 #include "expect.h"
+#include "marble/batch_solver.h"
 #include "marble/convert.h"
 #include "requests/findings.h"
 #include "requests/judge.h"
@@ -121,6 +122,45 @@ class Session {
     if (news.sequence % 3 != 0) work();
   }
 
+  void end() {
+    work();
+    judge_batch();
+  }
+
+  // The numbers of the answers as a batch: the same bits on any number of threads, and each is judged.
+  void judge_batch() const {
+    if (solved_.empty()) return;
+    const std::size_t count = solved_.size();
+    std::vector<double> parts[11];
+    for (const v1::Problem& problem : solved_) {
+      const ProblemView view = view_of(problem);
+      const std::span<const double> own[] = {{&view.c0, 1}, view.g,        view.b,        view.d,
+                                             view.l,        view.r,        view.Q.values, view.A.values,
+                                             view.C.values, view.L.values, view.R.values};
+      for (std::size_t k = 0; k < std::size(own); ++k)
+        parts[k].insert(parts[k].end(), own[k].begin(), own[k].end());
+    }
+    const BatchNumbers numbers{count,    parts[0], parts[1], parts[2], parts[3], parts[4],
+                               parts[5], parts[6], parts[7], parts[8], parts[9], parts[10]};
+    const auto solve = [&](int threads) {
+      auto solver = BatchSolver::create(Problem::create(view_of(solved_.front())).value(), options_);
+      FUZZ_EXPECT(solver.has_value());
+      auto result = solver->solve(numbers, {.threads = threads, .multipliers = true});
+      FUZZ_EXPECT(result.has_value());
+      return *std::move(result);
+    };
+    const BatchResult result = solve(1), other = solve(3);
+    const auto same = [](const std::vector<double>& a, const std::vector<double>& b) {
+      return a.size() == b.size() &&
+             (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(double)) == 0);
+    };
+    FUZZ_EXPECT(result.status == other.status && result.factorizations == other.factorizations);
+    FUZZ_EXPECT(same(result.z, other.z) && same(result.objective, other.objective));
+    for (std::size_t i = 0; i < count; ++i) {
+      if (is_solved(result.status[i])) judge_element(result, i);
+    }
+  }
+
   void work() {
     while (!waiting_.empty()) {
       const std::shared_ptr<Update> update = waiting_.pop();
@@ -161,6 +201,7 @@ class Session {
       ::take(news_.front().numbers, &problem_);
       news_.pop_front();
     }
+    if (solved_.size() < kMostOfABatch) solved_.push_back(problem_);
     const auto asked = update.sensitivity();
     server::Outcome outcome;
     outcome.solution = solver_.solve(update.checked(), {.sensitivity = asked ? &*asked : nullptr});
@@ -173,6 +214,32 @@ class Session {
     if (const auto& request = asked_[update.sequence()])
       fuzz::judge_derivatives(view_of(problem_), *request, solution);
     expect_twin(update, *outcome.solution);
+  }
+
+  void judge_element(const BatchResult& result, std::size_t i) const {
+    const auto row = [&](const std::vector<double>& values) {
+      const std::span<const double> own(values);
+      const std::size_t size = own.size() / result.count;
+      const auto part = own.subspan(i * size, size);
+      return std::vector<double>(part.begin(), part.end());
+    };
+    Solution solution;
+    solution.status = result.status[i];
+    solution.detail = "an element of a batch";
+    solution.z = row(result.z);
+    solution.equality_multipliers = row(result.equality_multipliers);
+    solution.inequality_multipliers = row(result.inequality_multipliers);
+    solution.complementarity_multipliers_L = row(result.complementarity_multipliers_L);
+    solution.complementarity_multipliers_R = row(result.complementarity_multipliers_R);
+    solution.objective = result.objective[i];
+    const double* violations = &result.violations[3 * i];
+    solution.violations = {violations[0], violations[1], violations[2]};
+    solution.kkt_residual = result.kkt_residual[i];
+    server::Outcome outcome;
+    outcome.solution = std::move(solution);
+    v1::Solution message;
+    server::fill_solution(outcome, options_, &message);
+    fuzz::judge_answer(view_of(solved_[i]), options_, message);
   }
 
   void expect_twin(const Update& update, const Solution& solution) {
@@ -197,6 +264,8 @@ class Session {
   std::deque<News> news_;
   std::map<std::int64_t, std::optional<v1::SensitivityRequest>> asked_;
   std::int64_t newest_ = 0;
+  static constexpr std::size_t kMostOfABatch = 12;
+  std::vector<v1::Problem> solved_;  // the numbers of its answers
 };
 
 }  // namespace
@@ -222,7 +291,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       if (!parsed) {
         fuzz::expect_sound(parsed.error());
       } else if (request.has_setup()) {
-        if (session) session->work();
+        if (session) session->end();
         session.reset();
         if (auto opened = Session::open(parts.all, *request.mutable_setup()))
           session.emplace(std::move(*opened));
@@ -230,6 +299,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         session->take(*request.mutable_update());
       }
     }
-    if (session) session->work();
+    if (session) session->end();
   });
 }

@@ -330,21 +330,49 @@ TEST(BatchSolver, TellsInfeasibleElementsFromTheOthers) {
     EXPECT_EQ(result.status[i], i % 4 == 0 ? Status::infeasible : Status::solved) << "element " << i;
 }
 
-TEST(BatchOrder, BeginsWithElementsFarFromEachOtherAndFindsTheNearest) {
-  const Values places = {0.0, 0.1, 10.0, 5.0, 9.9, 0.2, -3e300, 3e300};
+BatchOrder order_of(const Values& places) {
   const BatchPart part{places, 1};
-  const BatchOrder order(places.size(), {&part, 1});
+  return BatchOrder(places.size(), {&part, 1});
+}
+
+TEST(BatchOrder, BeginsWithElementsFarFromEachOther) {
+  const BatchOrder order = order_of({0.0, 0.1, 10.0, 5.0, 9.9, 0.2, -3e300, 3e300});
   EXPECT_EQ(order.elements()[0], 0u);
-  const std::set<std::size_t> first(order.elements().begin() + 1, order.elements().begin() + 3);
-  EXPECT_EQ(first, (std::set<std::size_t>{6, 7}));
-  EXPECT_EQ(std::set<std::size_t>(order.elements().begin(), order.elements().end()).size(), places.size());
+  const std::set<std::size_t> next(order.elements().begin() + 1, order.elements().begin() + 3);
+  EXPECT_EQ(next, (std::set<std::size_t>{6, 7}));
+  EXPECT_EQ(std::set<std::size_t>(order.elements().begin(), order.elements().end()).size(), 8u);
+}
+
+TEST(BatchOrder, FindsTheNearestThatAreUsable) {
+  const BatchOrder order = order_of({0.0, 0.1, 10.0, 5.0, 9.9, 0.2});
+  std::vector<std::uint8_t> usable(6, 1);
   std::vector<std::size_t> nearest;
-  order.find_nearest(
-      6, places.size(), [](std::size_t p) { return p > 0; }, nearest);
-  EXPECT_EQ(order.elements()[nearest.front()], 6u);
-  order.find_nearest(
-      6, 0, [](std::size_t) { return true; }, nearest);
+  const auto elements = [&] {
+    std::vector<std::size_t> found;
+    for (const std::size_t position : nearest) found.push_back(order.elements()[position]);
+    return found;
+  };
+  order.find_nearest(1, usable, nearest);
+  EXPECT_EQ(elements(), (std::vector<std::size_t>{1, 0, 5, 3}));
+  usable[nearest.front()] = 0;
+  order.find_nearest(1, usable, nearest);
+  EXPECT_EQ(elements(), (std::vector<std::size_t>{0, 5, 3, 4}));
+  order.find_nearest(1, {}, nearest);
   EXPECT_TRUE(nearest.empty());
+}
+
+TEST(BatchOrder, ProjectsManyNumbersAndKeepsEqualElementsTogether) {
+  Source source(14);
+  Values numbers(20 * 30);
+  for (double& number : numbers) number = source.within(1.0);
+  std::copy_n(numbers.begin() + 3 * 30, 30, numbers.begin() + 17 * 30);  // element 17 is element 3
+  const BatchPart part{numbers, 30};
+  const BatchOrder order(20, {&part, 1});
+  const std::vector<std::uint8_t> usable(20, 1);
+  std::vector<std::size_t> nearest;
+  order.find_nearest(17, usable, nearest);
+  const std::set<std::size_t> first = {order.elements()[nearest[0]], order.elements()[nearest[1]]};
+  EXPECT_EQ(first, (std::set<std::size_t>{3, 17}));
 }
 
 }  // namespace

@@ -47,6 +47,14 @@ std::vector<Column> differing(std::size_t count, std::span<const BatchPart> part
 
 }  // namespace
 
+inline double BatchOrder::distance(std::size_t a, std::size_t b) const {
+  const double* const first = points_.data() + a * dimensions_;
+  const double* const second = points_.data() + b * dimensions_;
+  double sum = 0.0;
+  for (std::size_t k = 0; k < dimensions_; ++k) sum += (first[k] - second[k]) * (first[k] - second[k]);
+  return sum;
+}
+
 BatchOrder::BatchOrder(std::size_t count, std::span<const BatchPart> parts) : order_(count) {
   const std::vector<Column> columns = differing(count, parts);
   const bool projects = columns.size() > tuning::batch_dimensions;
@@ -78,24 +86,23 @@ BatchOrder::BatchOrder(std::size_t count, std::span<const BatchPart> parts) : or
   std::sort(order_.begin() + static_cast<std::ptrdiff_t>(kept_), order_.end());
 }
 
-double BatchOrder::distance(std::size_t a, std::size_t b) const {
-  double sum = 0.0;
-  for (std::size_t k = 0; k < dimensions_; ++k) {
-    const double difference = points_[a * dimensions_ + k] - points_[b * dimensions_ + k];
-    sum += difference * difference;
+void BatchOrder::find_nearest(std::size_t element, std::span<const std::uint8_t> usable,
+                              std::vector<std::size_t>& nearest) const {
+  nearest.clear();
+  std::vector<double> distances;
+  distances.reserve(tuning::batch_near + 1);
+  for (std::size_t position = 0; position < usable.size(); ++position) {
+    if (usable[position] == 0) continue;
+    const double at = distance(element, order_[position]);
+    if (nearest.size() == tuning::batch_near) {
+      if (at >= distances.back()) continue;
+      nearest.pop_back();
+      distances.pop_back();
+    }
+    const auto place = std::upper_bound(distances.begin(), distances.end(), at);
+    nearest.insert(nearest.begin() + (place - distances.begin()), position);
+    distances.insert(place, at);
   }
-  return sum;
-}
-
-void BatchOrder::insert_nearest(std::size_t position, double at, std::vector<std::size_t>& nearest,
-                                std::vector<double>& distances) const {
-  if (nearest.size() == tuning::batch_near && at >= distances.back()) return;
-  const auto place = std::upper_bound(distances.begin(), distances.end(), at);
-  nearest.insert(nearest.begin() + (place - distances.begin()), position);
-  distances.insert(place, at);
-  if (nearest.size() <= tuning::batch_near) return;
-  nearest.pop_back();
-  distances.pop_back();
 }
 
 }  // namespace marble

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -24,31 +25,18 @@ class BatchOrder {
   [[nodiscard]] std::span<const std::size_t> elements() const { return order_; }
   /// How many of them others may start from.
   [[nodiscard]] std::size_t kept() const { return kept_; }
-  /// Fills `nearest` with positions in the order below `end` for which `usable(position)` holds, at most
-  /// tuning::batch_near of them, the nearest to the element first; of equally near ones the lower position.
-  template <class Usable>
-  void find_nearest(std::size_t element, std::size_t end, const Usable& usable,
+  /// Fills `nearest` with positions in the order for which `usable` is not 0, at most tuning::batch_near of
+  /// them, the nearest to the element first; of equally near ones the lower position.
+  void find_nearest(std::size_t element, std::span<const std::uint8_t> usable,
                     std::vector<std::size_t>& nearest) const;
 
  private:
   [[nodiscard]] double distance(std::size_t a, std::size_t b) const;
-  void insert_nearest(std::size_t position, double at, std::vector<std::size_t>& nearest,
-                      std::vector<double>& distances) const;
 
   std::size_t dimensions_ = 0;
   std::size_t kept_ = 0;
   std::vector<double> points_;  // an element's place, row by row
   std::vector<std::size_t> order_;
 };
-
-template <class Usable>
-void BatchOrder::find_nearest(std::size_t element, std::size_t end, const Usable& usable,
-                              std::vector<std::size_t>& nearest) const {
-  nearest.clear();
-  std::vector<double> distances;
-  for (std::size_t position = 0; position < end; ++position) {
-    if (usable(position)) insert_nearest(position, distance(element, order_[position]), nearest, distances);
-  }
-}
 
 }  // namespace marble

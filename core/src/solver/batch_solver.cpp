@@ -141,7 +141,8 @@ class BatchSolver::Batch {
         interrupt_(controls.stop, after(begun_, state.options.time_limit_s)),
         pattern_numbers_(all_numbers(state.pattern)),
         order_(numbers.count, parts()),
-        kept_(order_.kept()) {
+        kept_(order_.kept()),
+        usable_(order_.kept()) {
     make_levels();
     make_result();
   }
@@ -185,8 +186,9 @@ class BatchSolver::Batch {
   const Interrupt interrupt_;
   const ProblemUpdate pattern_numbers_;
   const BatchOrder order_;
-  std::vector<Solution> kept_;     // of the first elements in the order
-  std::vector<std::size_t> ends_;  // of the levels: elements of one start from those of the ones before it
+  std::vector<Solution> kept_;        // of the first elements in the order
+  std::vector<std::uint8_t> usable_;  // 1 where it is solved
+  std::vector<std::size_t> ends_;     // of the levels: elements of one start from those of the ones before it
   std::size_t level_ = 0;
   std::atomic<std::size_t> next_ = 0;
   std::atomic<std::size_t> workers_ = 0;
@@ -325,9 +327,7 @@ void BatchSolver::Batch::solve(Solver& solver, std::size_t position, std::size_t
   std::vector<const Solution*> near;
   Solution own;
   if (may_start_near(state_.options)) {
-    order_.find_nearest(
-        i, std::min(solved_end, kept_.size()), [this](std::size_t p) { return is_solved(kept_[p].status); },
-        positions);
+    order_.find_nearest(i, std::span(usable_).first(std::min(solved_end, usable_.size())), positions);
     if (controls_.start != nullptr) own = own_start(i);
     if (!own.z.empty()) near.push_back(&own);
     for (const std::size_t p : positions) near.push_back(&kept_[p]);
@@ -348,7 +348,9 @@ void BatchSolver::Batch::solve(Solver& solver, std::size_t position, std::size_t
     return;
   }
   take(i, *solution);
-  if (position < kept_.size()) kept_[position] = *std::move(solution);
+  if (position >= kept_.size()) return;
+  usable_[position] = is_solved(solution->status);
+  kept_[position] = *std::move(solution);
 }
 
 void BatchSolver::Batch::take(std::size_t i, const Solution& solution) {
