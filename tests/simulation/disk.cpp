@@ -3,6 +3,8 @@
 #include <sqlite3.h>
 
 #include <algorithm>
+#include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -10,12 +12,14 @@
 #include <map>
 #include <new>
 #include <string>
+#include <thread>
 #include <vector>
 
 namespace marble::simulation {
 namespace {
 
 constexpr std::size_t kSector = 512;
+constexpr double kMeanSync_s = 0.004;
 
 // A write since the last sync of its file.
 struct Write {
@@ -75,7 +79,7 @@ int Close(sqlite3_file* file) {
   return real->pMethods->xClose(real);
 }
 
-int Write_(sqlite3_file* file, const void* from, int size, sqlite3_int64 at) {
+int write_file(sqlite3_file* file, const void* from, int size, sqlite3_int64 at) {
   File& own = file_of(file);
   if (disk().full) return SQLITE_FULL;
   if (own.path != nullptr) {
@@ -90,18 +94,22 @@ int Write_(sqlite3_file* file, const void* from, int size, sqlite3_int64 at) {
   return own.real.pMethods->xWrite(&own.real, from, size, at);
 }
 
-// The real file is not synced: nothing here outlives the machine.
-int Sync(sqlite3_file* file, int /*flags*/) {
-  if (const char* const path = file_of(file).path; path != nullptr) disk().unsynced.erase(path);
+// Takes its time, in which the server may die. The real file is not synced: nothing here outlives the
+// machine.
+int sync_file(sqlite3_file* file, int /*flags*/) {
+  const char* const path = file_of(file).path;
+  std::this_thread::sleep_for(std::chrono::duration<double>(kMeanSync_s * -std::log(1.0 - disk().draw())));
+  if (disk().full) return SQLITE_IOERR_FSYNC;
+  if (path != nullptr) disk().unsynced.erase(path);
   return SQLITE_OK;
 }
 
 constexpr sqlite3_io_methods kMethods = {2,
                                          Close,
                                          Read,
-                                         Write_,
+                                         write_file,
                                          Truncate,
-                                         Sync,
+                                         sync_file,
                                          FileSize,
                                          Lock,
                                          Unlock,

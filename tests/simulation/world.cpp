@@ -30,6 +30,7 @@ using std::chrono::duration;
 constexpr std::size_t kHistory = 60;          // events that a report shows
 constexpr double kPatience_s = 120.0;         // a call that takes longer hangs
 constexpr double kStop_s = 0.15;              // from a deadline to the answer
+constexpr int kStarts = 2;                    // setting job_starts
 constexpr std::string_view kFatal = "fatal";  // request ids of jobs that kill their server begin so
 
 class Random {
@@ -143,6 +144,8 @@ class World {
       const std::lock_guard lock(mutex_);
       if (name == "job" && over_.contains(std::string(subject)))
         violated("job " + std::string(subject) + " begins after its cancellation or deletion was confirmed");
+      if (dies && ++deaths_[std::string(subject)] > kStarts + lost_submits_[std::string(subject)])
+        violated("job " + std::string(subject) + " is begun again, and has killed the server twice");
       if (const auto armed = armed_.find(std::string(name)); armed != armed_.end() && --armed->second <= 0) {
         armed_.erase(armed);
         dies = true;
@@ -331,7 +334,12 @@ class World {
           };
           *taken ? (*taken)(then) : then({});
         });
-    if (!answer) return note("Submit " + known.request_id + ": lost");
+    if (!answer) {
+      note("Submit " + known.request_id + ": lost");
+      const std::lock_guard lock(mutex_);
+      ++lost_submits_[known.request_id];  // it may have run before it was kept
+      return;
+    }
     if (!*answer) {
       note("Submit " + known.request_id + ": " + (*answer).error().message());
       expect((*answer).error().code == ErrorCode::unavailable ||
@@ -593,8 +601,10 @@ class World {
   std::map<std::string, int> armed_;  // fault points at which the server dies, and after how many passes
   bool quiet_ = false;
   std::set<std::string, std::less<>>
-      over_;           // request ids of jobs whose cancellation or deletion was confirmed
-  bool full_ = false;  // the disk
+      over_;                           // request ids of jobs whose cancellation or deletion was confirmed
+  std::map<std::string, int> deaths_;  // of the server, by the request id of the job that it ran
+  std::map<std::string, int> lost_submits_;  // by request id
+  bool full_ = false;                        // the disk
   std::int64_t full_changes_ = 0;
   std::vector<Me> all_;
 };
