@@ -108,7 +108,7 @@ TEST(AssignOrReturn, CopiesTheValueOfAVariableUnlessItIsMoved) {
 
 TEST(AssignOrReturn, TakesExpressionsWithCommas) {
   const auto work = []() -> Expected<std::size_t> {
-    MARBLE_ASSIGN_OR_RETURN(const auto pair, Expected<std::vector<int>>(std::in_place, {4, 5}));
+    MARBLE_ASSIGN_OR_RETURN(const auto pair, Expected<std::vector<int>>(std::vector<int>{4, 5}));
     MARBLE_ASSIGN_OR_RETURN(const auto& text, Expected<std::string>("text"));
     return pair.size() + text.size();
   };
