@@ -6,33 +6,13 @@
 #include <utility>
 
 #include "composite/dense.h"
+#include "model/column_builder.h"
 #include "model/entries.h"
 #include "model/interrupt.h"
 #include "model/tuning.h"
 
 namespace marble {
 namespace {
-
-// Builds a matrix from a view's columns, with more rows below each column and empty columns after the last.
-class Columns {
- public:
-  Columns(Index rows, Index columns) {
-    matrix_.rows = rows;
-    matrix_.columns = columns;
-    matrix_.column_pointers.reserve(at(columns) + 1);
-    matrix_.column_pointers.push_back(0);
-  }
-  std::size_t add(Index row, double value) {
-    matrix_.row_indices.push_back(row);
-    matrix_.values.push_back(value);
-    return matrix_.values.size() - 1;
-  }
-  void end() { matrix_.column_pointers.push_back(static_cast<Index>(matrix_.values.size())); }
-  [[nodiscard]] SparseMatrix take() { return matrix_.rows == 0 ? SparseMatrix{} : std::move(matrix_); }
-
- private:
-  SparseMatrix matrix_;
-};
 
 SparseMatrix widened(const SparseMatrixView& m, Index columns) {
   if (m.rows == 0) return {};
@@ -73,13 +53,12 @@ void LiftedBlock::lift() {
   OwnedProblem p;
   p.hessian_form = block_.hessian_form;
   p.c0 = block_.c0;
-  Columns Q(columns, columns), A(n_e_ + m + frozen_pairs, columns), C(n_i_ + frozen_pairs, columns);
+  ColumnBuilder Q(columns, at(columns)), A(n_e_ + m + frozen_pairs, at(columns)),
+      C(n_i_ + frozen_pairs, at(columns));
   pair_entries_.clear();
   for (Index j = 0; j < n_; ++j) {
-    for_column(block_.Q, j, [&](Index row, double value) { Q.add(row, value); });
-    for_column(block_.A, j, [&](Index row, double value) { A.add(row, value); });
+    Q.add_column(block_.Q, j), A.add_column(block_.A, j), C.add_column(block_.C, j);
     for_column(coupling_, j, [&](Index row, double value) { A.add(n_e_ + local(row), value); });
-    for_column(block_.C, j, [&](Index row, double value) { C.add(row, value); });
     if (frozen_pairs > 0) {
       std::vector<std::pair<Index, std::pair<double, double>>> both;
       for_column(block_.L, j, [&](Index row, double value) { both.push_back({row, {value, 0.0}}); });
@@ -96,12 +75,12 @@ void LiftedBlock::lift() {
         pair_entries_.push_back(
             {pair, A.add(n_e_ + m + pair, 0.0), C.add(n_i_ + pair, 0.0), numbers.first, numbers.second});
     }
-    Q.end(), A.end(), C.end();
+    Q.end_column(), A.end_column(), C.end_column();
   }
   for (Index i = 0; i < m; ++i) {
     Q.add(n_ + i, proximal_);
     A.add(n_e_ + i, -1.0);
-    Q.end(), A.end(), C.end();
+    Q.end_column(), A.end_column(), C.end_column();
   }
   p.Q = Q.take(), p.A = A.take(), p.C = C.take();
   p.g = copied(block_.g), p.b = copied(block_.b), p.d = copied(block_.d);

@@ -5,37 +5,20 @@
 
 #include "marble/composite/coupled.h"
 #include "model/check_matrix.h"
+#include "model/column_builder.h"
 #include "model/entries.h"
 
 namespace marble {
 namespace {
 
-// A matrix with blocks along the diagonal, built column by column.
-class Diagonal {
- public:
-  void add(const SparseMatrixView& m, Index rows, Index columns) {
-    for (Index j = 0; j < columns; ++j) {
-      append(m, j, matrix_.rows);
-      end();
-    }
-    matrix_.rows += rows;
+// Adds a block on the diagonal.
+void add_block(const SparseMatrixView& m, Index rows, Index columns, ColumnBuilder& to) {
+  for (Index j = 0; j < columns; ++j) {
+    to.add_column(m, j, to.rows());
+    to.end_column();
   }
-  void append(const SparseMatrixView& m, Index j, Index first) {
-    for_column(m, j, [&](Index row, double value) {
-      matrix_.row_indices.push_back(first + row);
-      matrix_.values.push_back(value);
-    });
-  }
-  void end() {
-    ++matrix_.columns;
-    matrix_.column_pointers.push_back(static_cast<Index>(matrix_.values.size()));
-  }
-  void add_rows(Index rows) { matrix_.rows += rows; }
-  [[nodiscard]] SparseMatrix take() { return matrix_.rows == 0 ? SparseMatrix{} : std::move(matrix_); }
-
- private:
-  SparseMatrix matrix_{0, 0, {0}, {}, {}};
-};
+  to.add_rows(rows);
+}
 
 void append(std::span<const double> values, std::vector<double>& to) {
   to.insert(to.end(), values.begin(), values.end());
@@ -61,29 +44,24 @@ OwnedProblem monolithic_problem(const CoupledView& view) {
   p.name = "monolithic";
   // If one block gives only one triangle, the monolithic problem does so too.
   p.hessian_form = HessianForm::upper_triangle;
-  Diagonal Q, A, C, L, R;
+  ColumnBuilder Q, A, C, L, R;
   Index equalities = 0;
   for (const CoupledBlock& block : view.blocks) {
     const ProblemView& own = block.problem;
     const auto n = static_cast<Index>(own.g.size());
     for (Index j = 0; j < n; ++j) {
-      A.append(own.A, j, equalities);
-      A.append(block.coupling, j, coupling_begins);
-      A.end();
-    }
-    SparseMatrix upper{n, n, {0}, {}, {}};
-    for (Index j = 0; j < n; ++j) {
+      A.add_column(own.A, j, equalities);
+      A.add_column(block.coupling, j, coupling_begins);
+      A.end_column();
       for_column(own.Q, j, [&](Index row, double value) {
-        if (row > j) return;
-        upper.row_indices.push_back(row);
-        upper.values.push_back(value);
+        if (row <= j) Q.add(Q.rows() + row, value);
       });
-      upper.column_pointers.push_back(static_cast<Index>(upper.values.size()));
+      Q.end_column();
     }
-    Q.add(upper.view(), n, n);
-    C.add(own.C, static_cast<Index>(own.d.size()), n);
-    L.add(own.L, static_cast<Index>(own.l.size()), n);
-    R.add(own.R, static_cast<Index>(own.r.size()), n);
+    Q.add_rows(n);
+    add_block(own.C, static_cast<Index>(own.d.size()), n, C);
+    add_block(own.L, static_cast<Index>(own.l.size()), n, L);
+    add_block(own.R, static_cast<Index>(own.r.size()), n, R);
     equalities += static_cast<Index>(own.b.size());
     p.c0 += own.c0;
     append(own.g, p.g), append(own.b, p.b), append(own.d, p.d), append(own.l, p.l), append(own.r, p.r);

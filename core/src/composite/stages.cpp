@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "model/column_builder.h"
 #include "model/text_of.h"
 
 namespace marble {
@@ -127,26 +128,9 @@ std::vector<double> gather(std::span<const double> values, std::span<const Index
 }
 
 void append_column(const Block& block, std::size_t column, Index first_row, std::span<const double> values,
-                   double factor, SparseMatrix& into) {
-  for (Index k = block.pointers[column]; k < block.pointers[column + 1]; ++k) {
-    into.row_indices.push_back(first_row + block.rows[static_cast<std::size_t>(k)]);
-    into.values.push_back(factor * at(values, block.positions[static_cast<std::size_t>(k)]));
-  }
-}
-
-void end_column(SparseMatrix& matrix) {
-  matrix.column_pointers.push_back(static_cast<Index>(matrix.row_indices.size()));
-}
-
-SparseMatrix begin_matrix(std::size_t rows, std::size_t columns, std::size_t entries) {
-  SparseMatrix matrix;
-  matrix.rows = static_cast<Index>(rows);
-  matrix.columns = static_cast<Index>(columns);
-  matrix.column_pointers.reserve(columns + 1);
-  matrix.column_pointers.push_back(0);
-  matrix.row_indices.reserve(entries);
-  matrix.values.reserve(entries);
-  return matrix;
+                   double factor, ColumnBuilder& into) {
+  for (Index k = block.pointers[column]; k < block.pointers[column + 1]; ++k)
+    into.add(first_row + block.rows[marble::at(k)], factor * at(values, block.positions[marble::at(k)]));
 }
 
 std::size_t entries(const Block& block) { return block.rows.size(); }
@@ -343,7 +327,7 @@ Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> scenari
   };
 
   if (fits(size_of(Q_))) {
-    SparseMatrix& Q = result.Q = begin_matrix(result.g.size(), result.g.size(), size_of(Q_));
+    ColumnBuilder Q(static_cast<Index>(result.g.size()), result.g.size(), size_of(Q_));
     std::vector<double> mean(base_entries, 0.0);
     for (std::size_t s = 0; s < count && !stops_after(entries(Q_.first)); ++s) {
       const auto values = given_or(scenarios[s].Q, view.Q.values);
@@ -352,22 +336,23 @@ Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> scenari
     }
     for (std::size_t j = 0; j < plan; ++j) {
       append_column(Q_.first, j, 0, mean, 1.0, Q);
-      end_column(Q);
+      Q.end_column();
     }
     for (std::size_t s = 0; s < count && !stops_after(own + base_entries); ++s) {
       const auto values = given_or(scenarios[s].Q, view.Q.values);
       for (std::size_t j = 0; j < own; ++j) {
         append_column(Q_.linking, j, 0, values, weights[s], Q);
         append_column(Q_.recourse, j, static_cast<Index>(plan + s * own), values, weights[s], Q);
-        end_column(Q);
+        Q.end_column();
       }
     }
+    result.Q = Q.take();
   }
 
   each_part([&](const Part& part) {
     const std::size_t rows = part.rows.assembled(count);
     if (stopped || !fits(size_of(part.stages)) || !fits(rows)) return;
-    SparseMatrix& matrix = result.*part.into = begin_matrix(rows, result.g.size(), size_of(part.stages));
+    ColumnBuilder matrix(static_cast<Index>(rows), result.g.size(), size_of(part.stages));
     const auto first_row = [&](std::size_t s) {
       return static_cast<Index>(part.rows.first.size() + s * part.rows.second.size());
     };
@@ -380,13 +365,14 @@ Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> scenari
           static_cast<std::size_t>(part.stages.linking.pointers[j + 1] - part.stages.linking.pointers[j]);
       for (std::size_t s = 0; s < count && !stops_after(linked); ++s)
         append_column(part.stages.linking, j, first_row(s), values(s), 1.0, matrix);
-      end_column(matrix);
+      matrix.end_column();
     }
     for (std::size_t s = 0; s < count && !stops_after(own + entries(part.stages.recourse)); ++s)
       for (std::size_t j = 0; j < own; ++j) {
         append_column(part.stages.recourse, j, first_row(s), values(s), 1.0, matrix);
-        end_column(matrix);
+        matrix.end_column();
       }
+    result.*part.into = matrix.take();
     std::vector<double>& offset = result.*part.offset_into = gather(part.offset, part.rows.first);
     offset.reserve(rows);
     for (std::size_t s = 0; s < count && !stops_after(part.rows.second.size()); ++s) {
@@ -410,12 +396,12 @@ OwnedProblem Stages::recourse(const ScenarioNumbers& scenario, std::span<const d
   result.hessian_form = HessianForm::upper_triangle;
   const std::size_t own = variables.second.size();
   const auto block_matrix = [&](const Block& block, std::size_t rows, std::span<const double> values) {
-    SparseMatrix matrix = begin_matrix(rows, own, entries(block));
+    ColumnBuilder matrix(static_cast<Index>(rows), own, entries(block));
     for (std::size_t j = 0; j < own; ++j) {
       append_column(block, j, 0, values, 1.0, matrix);
-      end_column(matrix);
+      matrix.end_column();
     }
-    return matrix;
+    return matrix.take();
   };
   const auto g = given_or(scenario.g, view.g);
   const auto Q = given_or(scenario.Q, view.Q.values);

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "lcs/dense.h"
+#include "model/column_builder.h"
 
 namespace marble {
 namespace {
@@ -12,26 +13,6 @@ double* put(double* to, const SmallLcp::ConstMap& matrix) {
   Eigen::Map<Eigen::MatrixXd>(to, matrix.rows(), matrix.cols()) = matrix;
   return to + matrix.size();
 }
-
-// Builds a matrix column after column.
-class Columns {
- public:
-  explicit Columns(SparseMatrix& matrix, Index rows, Index columns) : matrix_(matrix) {
-    matrix.rows = rows, matrix.columns = columns;
-    matrix.column_pointers.assign(1, 0);
-  }
-  void add(Index row, double value = 0.0) {
-    matrix_.row_indices.push_back(row);
-    matrix_.values.push_back(value);
-  }
-  void add_block(Index first, Index count) {
-    for (Index i = 0; i < count; ++i) add(first + i);
-  }
-  void end() { matrix_.column_pointers.push_back(static_cast<Index>(matrix_.values.size())); }
-
- private:
-  SparseMatrix& matrix_;
-};
 
 }  // namespace
 
@@ -55,7 +36,7 @@ LcsAssembly::LcsAssembly(const CheckedTask& task)
 }
 
 void LcsAssembly::make_hessian(const CheckedTask& task) {
-  Columns columns(problem_.Q, stages_ * width_, stages_ * width_);
+  ColumnBuilder columns(stages_ * width_);
   const bool changes = !task.R_change.empty();
   for (Index k = 0; k < stages_; ++k) {
     const Index u = k * width_, lam = u + inputs_, x = lam + pairs_;
@@ -67,42 +48,44 @@ void LcsAssembly::make_hessian(const CheckedTask& task) {
       for (Index i = 0; i < inputs_ && changes && k > 0; ++i) columns.add(u - width_ + i, -2.0 * change(i));
       for (Index i = 0; i <= j; ++i)
         columns.add(u + i, 2.0 * R(i, j) + (k + 1 < stages_ ? 4.0 : 2.0) * change(i));
-      columns.end();
+      columns.end_column();
     }
     for (Index j = 0; j < pairs_; ++j) {
       if (task.regularization > 0.0) columns.add(lam + j, 2.0 * task.regularization);
-      columns.end();
+      columns.end_column();
     }
     const auto Q = k + 1 < stages_
                        ? matrix_of(part_of(task.Q, product(states_, states_), k + 1), states_, states_)
                        : matrix_of(task.P, states_, states_);
     for (Index j = 0; j < states_; ++j) {
       for (Index i = 0; i <= j; ++i) columns.add(x + i, 2.0 * Q(i, j));
-      columns.end();
+      columns.end_column();
     }
   }
+  problem_.Q = columns.take();
 }
 
 void LcsAssembly::make_dynamics() {
-  Columns columns(problem_.A, stages_ * states_, stages_ * width_);
+  ColumnBuilder columns(stages_ * states_);
   for (Index k = 0; k < stages_; ++k) {
     for (Index j = 0; j < inputs_ + pairs_; ++j) {
-      columns.add_block(k * states_, states_);
-      columns.end();
+      columns.add_zeros(k * states_, states_);
+      columns.end_column();
     }
     for (Index j = 0; j < states_; ++j) {
       columns.add(k * states_ + j, -1.0);
-      if (k + 1 < stages_) columns.add_block((k + 1) * states_, states_);
-      columns.end();
+      if (k + 1 < stages_) columns.add_zeros((k + 1) * states_, states_);
+      columns.end_column();
     }
   }
+  problem_.A = columns.take();
 }
 
 void LcsAssembly::make_bounds(const CheckedTask& task) {
   const auto rows = static_cast<Index>(task.bounds.size());
   if (rows == 0) return;
   problem_.d.assign(product(stages_, rows), 0.0);
-  Columns columns(problem_.C, stages_ * rows, stages_ * width_);
+  ColumnBuilder columns(stages_ * rows);
   const auto add = [&](Index stage, LcsBound::Of of, Index entry, double factor) {
     for (Index i = 0; i < rows; ++i) {
       const LcsBound& bound = task.bounds[static_cast<std::size_t>(i)];
@@ -115,32 +98,33 @@ void LcsAssembly::make_bounds(const CheckedTask& task) {
     for (Index j = 0; j < inputs_; ++j) {
       add(k, LcsBound::Of::input, j, 1.0);
       if (k + 1 < stages_) add(k + 1, LcsBound::Of::input_change, j, -1.0);
-      columns.end();
+      columns.end_column();
     }
-    for (Index j = 0; j < pairs_; ++j) columns.end();
+    for (Index j = 0; j < pairs_; ++j) columns.end_column();
     for (Index j = 0; j < states_; ++j) {
       add(k, LcsBound::Of::state, j, 1.0);
-      columns.end();
+      columns.end_column();
     }
   }
+  problem_.C = columns.take();
 }
 
 void LcsAssembly::make_pairs() {
   if (pairs_ == 0) return;
-  Columns left(problem_.L, stages_ * pairs_, stages_ * width_);
-  Columns right(problem_.R, stages_ * pairs_, stages_ * width_);
+  ColumnBuilder left(stages_ * pairs_), right(stages_ * pairs_);
   for (Index k = 0; k < stages_; ++k) {
     for (Index j = 0; j < width_; ++j) {
       if (j >= inputs_ && j < inputs_ + pairs_) left.add(k * pairs_ + j - inputs_, 1.0);
-      left.end();
+      left.end_column();
       if (j < inputs_ + pairs_) {
-        right.add_block(k * pairs_, pairs_);
+        right.add_zeros(k * pairs_, pairs_);
       } else if (k + 1 < stages_) {
-        right.add_block((k + 1) * pairs_, pairs_);
+        right.add_zeros((k + 1) * pairs_, pairs_);
       }
-      right.end();
+      right.end_column();
     }
   }
+  problem_.L = left.take(), problem_.R = right.take();
 }
 
 void LcsAssembly::set_matrices(const LCS& lcs) {
