@@ -10,6 +10,7 @@
 #include <iostream>
 #include <thread>
 
+#include "base/process.h"
 #include "calls/jobs_service.h"
 #include "calls/solver_service.h"
 #include "config/config.h"
@@ -21,7 +22,6 @@
 #include "net/hang_up.h"
 #include "net/listen.h"
 #include "plain_text.h"
-#include "process/process.h"
 #include "process/reload.h"
 #include "process/signals.h"
 #include "process/supervisor.h"

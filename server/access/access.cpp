@@ -6,6 +6,7 @@
 #include <map>
 #include <vector>
 
+#include "base/origin.h"
 #include "config/certificates.h"
 #include "marble/contract.h"
 
@@ -89,16 +90,6 @@ std::optional<std::string> bearer_of(const std::string& authorization) {
     return std::nullopt;
   const std::size_t begin = authorization.find_first_not_of(' ', scheme.size());
   return begin == std::string::npos ? "" : authorization.substr(begin);
-}
-
-std::string host_of(const std::string& peer) {
-  if (peer.rfind("unix", 0) == 0) return "unix";
-  const std::size_t begin = peer.find(':') + 1;
-  std::string host = peer.substr(begin, std::max(peer.rfind(':'), begin) - begin);
-  for (const std::string bracket : {"%5B", "%5D", "[", "]"}) {
-    if (const std::size_t at = host.find(bracket); at != std::string::npos) host.erase(at, bracket.size());
-  }
-  return host.empty() ? peer : host;
 }
 
 Credentials credentials_of(const grpc::CallbackServerContext& context) {

@@ -27,10 +27,6 @@ struct Credentials {
 /// Returns the token in the value of an authorization header; empty if it is not a bearer token.
 [[nodiscard]] std::optional<std::string> bearer_of(const std::string& authorization);
 
-/// Returns the host of gRPC's peer: "ipv4:127.0.0.1:4711" → "127.0.0.1", "ipv6:%5B::1%5D:4711" → "::1".
-/// Without the port, which differs for every connection of a client.
-[[nodiscard]] std::string host_of(const std::string& peer);
-
 [[nodiscard]] Credentials credentials_of(const grpc::CallbackServerContext& context);
 
 /// Thread-safe.

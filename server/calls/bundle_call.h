@@ -4,7 +4,7 @@
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
-#include "calls/job_bundle.h"
+#include "service/job_bundle.h"
 #include "service/service_parts.h"
 #include "service/stream_pump.h"
 

@@ -1,9 +1,9 @@
 #include "calls/result_call.h"
 
+#include "base/fault_point.h"
 #include "base/status.h"
 #include "base/wire.h"
 #include "marble/v1/service.pb.h"
-#include "process/fault_point.h"
 #include "service/admission.h"
 #include "service/job_access.h"
 #include "store/submissions.h"

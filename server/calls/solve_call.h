@@ -4,7 +4,7 @@
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
-#include "access/origin.h"
+#include "base/origin.h"
 #include "service/service_parts.h"
 
 namespace marble::server {

@@ -8,7 +8,7 @@
 #include <deque>
 #include <optional>
 
-#include "access/origin.h"
+#include "base/origin.h"
 #include "jobs/progress_slot.h"
 #include "marble/v1/service.pb.h"
 #include "service/service_parts.h"

@@ -1,7 +1,7 @@
 // FleetSubmissions: arrays.
+#include "base/fault_point.h"
 #include "fleet/fleet_draft.h"
 #include "fleet/fleet_submissions.h"
-#include "process/fault_point.h"
 
 namespace marble::server {
 

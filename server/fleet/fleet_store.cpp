@@ -5,10 +5,10 @@
 #include <map>
 #include <tuple>
 
+#include "base/fault_point.h"
 #include "base/random_id.h"
 #include "fleet/fleet_array_statements.h"
 #include "fleet/fleet_statements.h"
-#include "process/fault_point.h"
 
 namespace marble::server {
 namespace {

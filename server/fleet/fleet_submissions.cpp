@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <array>
 
+#include "base/fault_point.h"
 #include "base/random_id.h"
 #include "base/status.h"
 #include "fleet/fleet_draft.h"
 #include "jobs/unix_time.h"
 #include "marble/convert.h"
-#include "process/fault_point.h"
 #include "service/admission.h"
 #include "service/job_access.h"
 #include "service/job_message.h"

@@ -4,7 +4,7 @@
 #include <httplib.h>
 
 #include "access/access.h"
-#include "access/origin.h"
+#include "base/origin.h"
 
 namespace marble::server::http {
 

@@ -1,6 +1,6 @@
 #include "http/health_routes.h"
 
-#include "net/port_probe.h"
+#include "http/port_probe.h"
 #include "store/submissions.h"
 
 namespace marble::server::http {

@@ -5,11 +5,11 @@
 #include <future>
 #include <memory>
 
-#include "calls/job_bundle.h"
 #include "http/endpoint.h"
 #include "http/reply.h"
 #include "marble/progress.h"
 #include "service/job_access.h"
+#include "service/job_bundle.h"
 #include "service/job_requests.h"
 #include "service/server_info.h"
 #include "store/submissions.h"

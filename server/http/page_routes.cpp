@@ -3,12 +3,12 @@
 #include <array>
 #include <utility>
 
+#include "base/process.h"
 #include "http/endpoint.h"
 #include "http/event_hub.h"
 #include "http/page_assets.h"
 #include "http/reply.h"
 #include "jobs/recent_json.h"
-#include "process/process.h"
 
 namespace marble::server::http {
 namespace {

@@ -1,6 +1,5 @@
 #include "jobs/job_log.h"
 
-#include "access/access.h"
 #include "base/status.h"
 #include "marble/contract.h"
 

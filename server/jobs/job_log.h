@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "access/origin.h"
+#include "base/origin.h"
 #include "jobs/job.h"
 #include "log/log.h"
 

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "base/clock.h"
 #include "base/priority.h"
 #include "base/trace_context.h"
 #include "jobs/infeasibility.h"
@@ -25,8 +26,6 @@
 #include "mutex.h"
 
 namespace marble::server {
-
-using Clock = std::chrono::steady_clock;
 
 enum class JobKind { solve, batch, submitted, session, scenarios, coupled, array };
 enum class JobState { queued, running, idle, finished };

@@ -11,7 +11,7 @@
 #include <limits>
 #include <utility>
 
-#include "access/access.h"
+#include "base/origin.h"
 
 namespace marble::server {
 namespace {

@@ -12,8 +12,8 @@
 #include <unordered_map>
 #include <vector>
 
+#include "base/clock.h"
 #include "base/descriptor.h"
-#include "jobs/job_record.h"
 #include "log/log.h"
 #include "mutex.h"
 

@@ -5,7 +5,7 @@
 #include <thread>
 #include <utility>
 
-#include "process/process.h"
+#include "base/process.h"
 
 namespace marble::server {
 namespace {

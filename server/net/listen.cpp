@@ -10,10 +10,10 @@
 #include <thread>
 
 #include "access/tls.h"
+#include "base/process.h"
 #include "grpc/health/v1/health.pb.h"
 #include "metrics/rpc_metrics.h"
 #include "net/connection_calls.h"
-#include "process/process.h"
 
 namespace marble::server {
 namespace {

@@ -6,7 +6,7 @@
 #include <memory>
 #include <span>
 
-#include "access/origin.h"
+#include "base/origin.h"
 #include "jobs/job.h"
 #include "marble/v1/service.pb.h"
 #include "marble/v1/session.pb.h"

@@ -10,7 +10,7 @@
 #include <functional>
 #include <utility>
 
-#include "access/origin.h"
+#include "base/origin.h"
 #include "base/status.h"
 #include "marble/v1/service.grpc.pb.h"
 #include "service/admission.h"

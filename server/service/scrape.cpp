@@ -5,10 +5,10 @@
 #include <ctime>
 #include <sstream>
 
+#include "base/process.h"
 #include "base/refusal.h"
 #include "config/certificates.h"
 #include "marble/version.h"
-#include "process/process.h"
 #include "service/service_parts.h"
 #include "store/submissions.h"
 

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
+#include "base/process.h"
 #include "marble/convert.h"
 #include "marble/version.h"
-#include "process/process.h"
 #include "service/job_message.h"
 #include "service/service_parts.h"
 

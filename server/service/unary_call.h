@@ -7,7 +7,7 @@
 #include <memory>
 #include <type_traits>
 
-#include "access/origin.h"
+#include "base/origin.h"
 #include "base/status.h"
 #include "base/wire.h"
 #include "service/admission.h"

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <utility>
 
-#include "process/fault_point.h"
+#include "base/fault_point.h"
 
 namespace marble::server {
 namespace {

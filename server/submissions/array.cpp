@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/fault_point.h"
 #include "base/status.h"
 #include "base/wire.h"
 #include "jobs/job_log.h"
 #include "jobs/unix_time.h"
 #include "marble/convert.h"
-#include "process/fault_point.h"
 #include "service/job_message.h"
 #include "service/reply.h"
 #include "service/stored_job.h"

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 
+#include "base/fault_point.h"
 #include "base/random_id.h"
 #include "jobs/unix_time.h"
 #include "marble/convert.h"
-#include "process/fault_point.h"
 #include "service/admission.h"
 #include "service/job_message.h"
 #include "service/stored_job.h"

@@ -1,8 +1,8 @@
 #include "submissions/result_keeper.h"
 
+#include "base/fault_point.h"
 #include "base/status.h"
 #include "base/wire.h"
-#include "process/fault_point.h"
 #include "service/job_message.h"
 #include "service/reply.h"
 

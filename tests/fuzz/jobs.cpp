@@ -6,7 +6,6 @@
 #include <optional>
 
 #include "base/wire.h"
-#include "calls/job_bundle.h"
 #include "expect.h"
 #include "marble/convert.h"
 #include "requests/findings.h"
@@ -15,6 +14,7 @@
 #include "requests/mutate.h"
 #include "requests/submitted.h"
 #include "requests/work.h"
+#include "service/job_bundle.h"
 #include "service/job_feed.h"
 #include "service/job_requests.h"
 #include "store/submissions.h"

@@ -9,8 +9,8 @@
 #include "base/trace_context.h"
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
+#include "http/port_probe.h"
 #include "marble/v1/fault.pb.h"
-#include "net/port_probe.h"
 #include "support/loopback.h"
 
 namespace marble::server {

@@ -8,8 +8,8 @@
 #include <regex>
 #include <set>
 
+#include "base/process.h"
 #include "metrics/rpc_metrics.h"
-#include "process/process.h"
 #include "service/scrape.h"
 #include "service/service_parts.h"
 #include "submissions/local_submissions.h"

@@ -13,7 +13,7 @@ namespace marble::simulation {
 struct Seams {
   /// How long the next solve takes.
   std::function<Duration()> solve_time = [] { return Duration(0); };
-  /// Called at each of the server's fault points (process/fault_point.h), on its thread.
+  /// Called at each of the server's fault points (base/fault_point.h), on its thread.
   std::function<void(std::string_view name, std::string_view subject)> fault_point = {};
 };
 /// Set before the first thread starts.

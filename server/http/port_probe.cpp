@@ -1,4 +1,4 @@
-#include "net/port_probe.h"
+#include "http/port_probe.h"
 
 #include <netinet/in.h>
 #include <openssl/ssl.h>

@@ -1,4 +1,4 @@
-#include "process/process.h"
+#include "base/process.h"
 
 #include <sched.h>
 #include <sys/resource.h>

@@ -1,4 +1,4 @@
-#include "access/origin.h"
+#include "base/origin.h"
 
 #include <algorithm>
 
@@ -22,6 +22,16 @@ std::string state_of(const grpc::CallbackServerContext& context) {
 }
 
 }  // namespace
+
+std::string host_of(const std::string& peer) {
+  if (peer.rfind("unix", 0) == 0) return "unix";
+  const std::size_t begin = peer.find(':') + 1;
+  std::string host = peer.substr(begin, std::max(peer.rfind(':'), begin) - begin);
+  for (const std::string bracket : {"%5B", "%5D", "[", "]"}) {
+    if (const std::size_t at = host.find(bracket); at != std::string::npos) host.erase(at, bracket.size());
+  }
+  return host.empty() ? peer : host;
+}
 
 Origin origin_of(grpc::CallbackServerContext& context) {
   Origin origin{context.peer()};

@@ -1,4 +1,4 @@
-#include "process/fault_point.h"
+#include "base/fault_point.h"
 
 #include <atomic>
 #include <csignal>

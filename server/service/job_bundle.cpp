@@ -1,4 +1,4 @@
-#include "calls/job_bundle.h"
+#include "service/job_bundle.h"
 
 #include "service/job_access.h"
 #include "service/job_message.h"
