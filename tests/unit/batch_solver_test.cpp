@@ -352,12 +352,12 @@ TEST(BatchOrder, FindsTheNearestThatAreUsable) {
     for (const std::size_t position : nearest) found.push_back(order.elements()[position]);
     return found;
   };
-  order.find_nearest(1, usable, nearest);
+  order.find_nearest(1, usable, 4, nearest);
   EXPECT_EQ(elements(), (std::vector<std::size_t>{1, 0, 5, 3}));
   usable[nearest.front()] = 0;
-  order.find_nearest(1, usable, nearest);
+  order.find_nearest(1, usable, 4, nearest);
   EXPECT_EQ(elements(), (std::vector<std::size_t>{0, 5, 3, 4}));
-  order.find_nearest(1, {}, nearest);
+  order.find_nearest(1, {}, 4, nearest);
   EXPECT_TRUE(nearest.empty());
 }
 
@@ -370,7 +370,7 @@ TEST(BatchOrder, ProjectsManyNumbersAndKeepsEqualElementsTogether) {
   const BatchOrder order(20, {&part, 1});
   const std::vector<std::uint8_t> usable(20, 1);
   std::vector<std::size_t> nearest;
-  order.find_nearest(17, usable, nearest);
+  order.find_nearest(17, usable, 4, nearest);
   const std::set<std::size_t> first = {order.elements()[nearest[0]], order.elements()[nearest[1]]};
   EXPECT_EQ(first, (std::set<std::size_t>{3, 17}));
 }

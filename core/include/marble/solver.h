@@ -116,7 +116,8 @@ class Solver {
   struct State;
   explicit Solver(std::unique_ptr<State> state);
   [[nodiscard]] Expected<Solution> solve(const SolveControls& controls, bool resumes, bool keeps_start,
-                                         std::span<const Solution* const> near = {});
+                                         std::span<const Solution* const> near = {},
+                                         bool compares_more = false);
   void return_to_setup(const ProblemUpdate& all_numbers);
   void take_element(const ProblemUpdate& checked, const ProblemUpdate& all_numbers);
   void prepare(const Solution& warm_start, const SolveControls& controls);

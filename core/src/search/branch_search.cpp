@@ -309,17 +309,19 @@ bool BranchSearch::start_from(Run& run, const Iterate& solution, double referenc
   return true;
 }
 
-// The solutions have no order in time, so that no objective is a reference. Two branches are compared, or one
-// that two of them have: one alone is worse than that of a cold start five to ten times as often.
-bool BranchSearch::start_near(Run& run, std::span<const Iterate> solutions) {
+// The solutions have no order in time, so that no objective is a reference.
+bool BranchSearch::start_near(Run& run, std::span<const Iterate> solutions, bool compares_more) {
   const Run::Polishing polishing(run);
+  const int most = compares_more ? tuning::near_branches_kept : tuning::near_branches;
   int tried = 0;
-  for (std::size_t k = 0; k < solutions.size() && tried < tuning::near_branches && !run.interrupted(); ++k) {
+  for (std::size_t k = 0; k < solutions.size() && tried < most && !run.interrupted(); ++k) {
     point_.start_from_solution(solutions[k]);
-    const bool same = incumbent_.exists() && point_.set.s_fixed == incumbent_.best().set.s_fixed;
-    if (same || incumbent_.solve_branch(run, "near solution", tuning::warm_tiny_change,
-                                        &search_.parametric()) != Incumbent::Outcome::not_exact)
+    if (incumbent_.exists() && point_.set.s_fixed == incumbent_.best().set.s_fixed) {
+      if (!compares_more) ++tried;
+    } else if (incumbent_.solve_branch(run, "near solution", tuning::warm_tiny_change,
+                                       &search_.parametric()) != Incumbent::Outcome::not_exact) {
       ++tried;
+    }
   }
   Stage stage = Stage::beginning;
   if (!incumbent_.exists() && !restore_feasibility(run, solutions.front(), false, stage)) return false;

@@ -77,7 +77,8 @@ class BranchSearch {
   /// Starts from the best branch of solutions of similar problems, the nearest one first, or from one near
   /// the first solution if all are infeasible, and switches pairs from there. Returns false if no feasible
   /// branch is near. What it finds does not depend on earlier solves.
-  [[nodiscard]] bool start_near(Run& run, std::span<const Iterate> solutions);
+  /// `compares_more`: takes the best of more branches, even if the nearest two solutions have the same one.
+  [[nodiscard]] bool start_near(Run& run, std::span<const Iterate> solutions, bool compares_more);
   /// True if the last start_from() has searched, to the end.
   [[nodiscard]] bool has_searched() const { return has_searched_; }
   /// Call this before a cold start, with which a sequence begins.

@@ -86,15 +86,15 @@ BatchOrder::BatchOrder(std::size_t count, std::span<const BatchPart> parts) : or
   std::sort(order_.begin() + static_cast<std::ptrdiff_t>(kept_), order_.end());
 }
 
-void BatchOrder::find_nearest(std::size_t element, std::span<const std::uint8_t> usable,
+void BatchOrder::find_nearest(std::size_t element, std::span<const std::uint8_t> usable, std::size_t most,
                               std::vector<std::size_t>& nearest) const {
   nearest.clear();
   std::vector<double> distances;
-  distances.reserve(tuning::batch_near + 1);
+  distances.reserve(most + 1);
   for (std::size_t position = 0; position < usable.size(); ++position) {
     if (usable[position] == 0) continue;
     const double at = distance(element, order_[position]);
-    if (nearest.size() == tuning::batch_near) {
+    if (nearest.size() == most) {
       if (at >= distances.back()) continue;
       nearest.pop_back();
       distances.pop_back();

@@ -25,9 +25,9 @@ class BatchOrder {
   [[nodiscard]] std::span<const std::size_t> elements() const { return order_; }
   /// How many of them others may start from.
   [[nodiscard]] std::size_t kept() const { return kept_; }
-  /// Fills `nearest` with positions in the order for which `usable` is not 0, at most tuning::batch_near of
-  /// them, the nearest to the element first; of equally near ones the lower position.
-  void find_nearest(std::size_t element, std::span<const std::uint8_t> usable,
+  /// Fills `nearest` with positions in the order for which `usable` is not 0, at most `most` (>= 1) of them,
+  /// the nearest to the element first; of equally near ones the lower position.
+  void find_nearest(std::size_t element, std::span<const std::uint8_t> usable, std::size_t most,
                     std::vector<std::size_t>& nearest) const;
 
  private:

@@ -323,11 +323,13 @@ void BatchSolver::Batch::solve(Solver& solver, std::size_t position, std::size_t
     return;
   }
   solver.take_element(update_of(i), pattern_numbers_);
+  const bool keeps = position < kept_.size();
   std::vector<std::size_t> positions;
   std::vector<const Solution*> near;
   Solution own;
   if (may_start_near(state_.options)) {
-    order_.find_nearest(i, std::span(usable_).first(std::min(solved_end, usable_.size())), positions);
+    order_.find_nearest(i, std::span(usable_).first(std::min(solved_end, usable_.size())),
+                        keeps ? tuning::batch_near_kept : tuning::batch_near, positions);
     if (controls_.start != nullptr) own = own_start(i);
     if (!own.z.empty()) near.push_back(&own);
     for (const std::size_t p : positions) near.push_back(&kept_[p]);
@@ -342,13 +344,13 @@ void BatchSolver::Batch::solve(Solver& solver, std::size_t position, std::size_t
     controls.warm_start = &reference;
     near.clear();
   }
-  auto solution = solver.solve(controls, false, !initial_z.empty(), near);
+  auto solution = solver.solve(controls, false, !initial_z.empty(), near, keeps);
   if (!solution) {  // the inputs were checked: nothing else is refused
     result.status[i] = Status::numerical_failure;
     return;
   }
   take(i, *solution);
-  if (position >= kept_.size()) return;
+  if (!keeps) return;
   usable_[position] = is_solved(solution->status);
   kept_[position] = *std::move(solution);
 }

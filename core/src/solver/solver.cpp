@@ -300,7 +300,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
 // near: solutions of similar problems with the sizes of this one, checked by the caller; the nearest one
 // first.
 Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bool keeps_start,
-                                 std::span<const Solution* const> near) {
+                                 std::span<const Solution* const> near, bool compares_more) {
   MARBLE_RETURN_IF_ERROR(Problem::check_initial_point(controls.initial_z, state_->problem.variables()));
   if (controls.warm_start != nullptr) {
     MARBLE_RETURN_IF_ERROR(check_warm_start(*controls.warm_start, state_->sizes));
@@ -338,7 +338,8 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bo
   Strategy::Answer found = state_->strategy.run(run, state_->initial_z, warm_start,
                                                 {.resumes = resumes && !too_far,
                                                  .keeps_start = keeps_start && !too_far,
-                                                 .near = std::span(state_->near).first(used)});
+                                                 .near = std::span(state_->near).first(used),
+                                                 .compares_more = compares_more});
   Solution solution = answer(state_->problem, state_->options, found.ending, *found.x, run);
   const auto is_refused = [&] {
     return solution.status != found.ending.status && solution.status != Status::almost_solved;

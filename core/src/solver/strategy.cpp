@@ -41,7 +41,7 @@ Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z, const std::op
       solve_start(run);
     }
   }
-  if (!how.near.empty()) step = step_near(run, how.near);
+  if (!how.near.empty()) step = step_near(run, how);
   Answer local = step ? *std::move(step)
                       : run_locally(run, initial_z, warm_start, how.resumes ? last : Stage::beginning);
   if (start_) local = not_above_start(run, std::move(local), initial_z, warm_start.has_value());
@@ -155,10 +155,10 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
 }
 
 // From solutions of other elements of a batch. Returns nothing if no feasible branch is near.
-std::optional<Strategy::Answer> Strategy::step_near(Run& run, std::span<const Iterate> solutions) {
+std::optional<Strategy::Answer> Strategy::step_near(Run& run, const How& how) {
   incumbent_.clear();
-  search_.begin(solutions.front().z());
-  if (!search_.start_near(run, solutions)) return std::nullopt;
+  search_.begin(how.near.front().z());
+  if (!search_.start_near(run, how.near, how.compares_more)) return std::nullopt;
   return finish_exact(run, run.factorizations + tuning::warm_small_change);
 }
 

@@ -52,10 +52,12 @@ class Strategy {
   /// where the last one was interrupted, if that had no exact solution yet. With `keeps_start`, if z is
   /// feasible, its branch is solved first, and the solution is never above that of this branch; nor is it
   /// above a feasible warm start. With `near`, solutions of similar problems without an order in time, the
-  /// best of their branches comes first instead, with a search around it.
+  /// best of their branches comes first instead, with a search around it; with `compares_more`, of more of
+  /// them.
   struct How {
     bool resumes = false, keeps_start = false;
     std::span<const Iterate> near = {};
+    bool compares_more = false;
   };
   [[nodiscard]] Answer run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start,
                            How how);
@@ -123,7 +125,7 @@ class Strategy {
   void solve_start(Run& run);
   [[nodiscard]] std::optional<Answer> step_from_start(Run& run, ConstVectorRef z,
                                                       const WarmStart& warm_start);
-  [[nodiscard]] std::optional<Answer> step_near(Run& run, std::span<const Iterate> solutions);
+  [[nodiscard]] std::optional<Answer> step_near(Run& run, const How& how);
   [[nodiscard]] bool start_in_segments(Run& run, PathBranch branch);
   [[nodiscard]] Answer not_above_start(Run& run, Answer answer, ConstVectorRef z, bool warm);
   struct Judged {

@@ -86,7 +86,7 @@ class BatchSolver:
     Where an element starts depends only on the numbers of its batch: a few are solved cold, the others start from the
     branches of the nearest solved ones. The answers are the same to the last bit on any number of threads. Of
     cart-poles, hoppers and small problems at least 99 in 100 are no higher than a solve of each by itself; of random
-    problems with 30 pairs 95, and 7 are lower. With global_search, num_starts above 1, another path than fast, or
+    problems with 30 pairs 94, and 4 are lower. With global_search, num_starts above 1, another path than fast, or
     polish=False every element is solved cold. One thread at a time may use it.
 
     Raises InvalidProblem and the other exceptions of marble.errors; Unavailable in a package without marble._core.
