@@ -21,7 +21,7 @@ ProblemUpdate numbers_of(const OwnedProblem& p) {
 // One batch: one solver for all of its scenarios, set up for the first of them.
 class Batch {
  public:
-  explicit Batch(const BatchControls& controls)
+  explicit Batch(const RecourseControls& controls)
       : controls_(controls),
         interrupt_(controls.stop, controls.until, controls.pause),
         options_(controls.options) {}
@@ -58,7 +58,7 @@ class Batch {
     return interrupt_.stop_requested() ? Status::cancelled : Status::time_limit;
   }
 
-  const BatchControls& controls_;
+  const RecourseControls& controls_;
   const Interrupt interrupt_;
   Options options_;
   double most_s_ = Options().time_limit_s;
@@ -66,7 +66,7 @@ class Batch {
 };
 
 // Calls `solve(batch, s)` for each of `count` scenarios, in batches.
-void in_batches(std::size_t count, const BatchControls& controls,
+void in_batches(std::size_t count, const RecourseControls& controls,
                 const std::function<void(Batch&, std::size_t)>& solve) {
   std::vector<std::function<void()>> tasks;
   std::atomic<bool> out_of_memory = false;
@@ -88,7 +88,8 @@ void in_batches(std::size_t count, const BatchControls& controls,
 
 std::vector<Recourse> solve_recourse(const Stages& stages, std::span<const double> x,
                                      std::span<const ScenarioNumbers> scenarios,
-                                     std::span<const Solution* const> starts, const BatchControls& controls) {
+                                     std::span<const Solution* const> starts,
+                                     const RecourseControls& controls) {
   std::vector<Recourse> result(scenarios.size());
   in_batches(scenarios.size(), controls, [&](Batch& batch, std::size_t s) {
     result[s] = batch.solve(stages.recourse(scenarios[s], x), starts.empty() ? nullptr : starts[s]);
@@ -133,7 +134,7 @@ OutOfSample judged(std::span<const ScenarioNumbers> scenarios, std::span<const R
 }
 
 std::vector<Status> solve_alone(const Stages& stages, std::span<const ScenarioNumbers> scenarios,
-                                const BatchControls& controls) {
+                                const RecourseControls& controls) {
   std::vector<Status> result(scenarios.size());
   in_batches(scenarios.size(), controls, [&](Batch& batch, std::size_t s) {
     result[s] = batch.solve(stages.alone(scenarios[s]), nullptr).status;

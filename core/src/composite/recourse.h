@@ -21,7 +21,7 @@ struct Recourse {
 };
 
 /// Controls of the solves in batches.
-struct BatchControls {
+struct RecourseControls {
   Options options;                              ///< its time limit is ignored
   std::chrono::steady_clock::time_point until;  ///< by the clock of the pause
   std::stop_token stop;
@@ -35,7 +35,7 @@ struct BatchControls {
 [[nodiscard]] std::vector<Recourse> solve_recourse(const Stages& stages, std::span<const double> x,
                                                    std::span<const ScenarioNumbers> scenarios,
                                                    std::span<const Solution* const> starts,
-                                                   const BatchControls& controls);
+                                                   const RecourseControls& controls);
 
 /// Returns the mean cost of the recourses of these scenarios and its confidence interval.
 [[nodiscard]] OutOfSample judged(std::span<const ScenarioNumbers> scenarios,
@@ -44,6 +44,6 @@ struct BatchControls {
 /// Returns the status of each scenario's own LCQP, including its plan.
 [[nodiscard]] std::vector<Status> solve_alone(const Stages& stages,
                                               std::span<const ScenarioNumbers> scenarios,
-                                              const BatchControls& controls);
+                                              const RecourseControls& controls);
 
 }  // namespace marble

@@ -311,8 +311,8 @@ class StageLoop {
   }
 
   // Limits the search for a recourse to the neighbourhood of its start.
-  [[nodiscard]] BatchControls recourse_controls(std::size_t count) const {
-    BatchControls result{
+  [[nodiscard]] RecourseControls recourse_controls(std::size_t count) const {
+    RecourseControls result{
         settings_.options, until_,
         controls_.stop,    controls_.runner,
         controls_.pause,   bytes_left(bytes_held() + static_cast<double>(count) * stages_.part_bytes())};
