@@ -13,12 +13,12 @@ namespace marble::suite {
 struct Settings {
   int seeds = 20;        ///< of the random families
   int starts = 8;        ///< of the references if none is known
-  bool judging = false;  ///< hard, statuses, starts, proofs, conflicts, scenarios and horizons: use the half
-                         ///< of the seeds for judging
+  bool judging = false;  ///< hard, statuses, starts, sessions, proofs, conflicts, scenarios and horizons: use
+                         ///< the half of the seeds for judging
   std::string peers;     ///< a command that runs qp_peers.py, or global_peers.py; empty: no peers
   double time_limit_s = 60.0;  ///< of a proof
   Options options;             ///< macmpec and robotics: the options of the solves
-  std::string only;            ///< solve only this problem of proofs, coupled and scenarios; all if empty
+  std::string only;  ///< solve only this problem of proofs, coupled, sessions, scenarios; all if empty
   std::string checker = MARBLE_PROOF_CHECKER;  ///< a command that checks the files of proofs
   std::filesystem::path keep;                  ///< proofs: the folder where files are kept; none if empty
   int steps = 0;  ///< coupled and horizons: only this horizon of the hopper; 0: all
@@ -57,6 +57,9 @@ void statuses(const Settings& settings);
 /// Control steps with a feasible plan, the roll-out of the previous inputs: checks that no solution is
 /// infeasible, above the plan, or above the optimum of its branch. Five steps per seed.
 void starts(const Settings& settings);
+/// Sessions of random problems with few pairs, hoppers and cart-poles in closed loop: steps from the last
+/// solution against cold solves.
+void sessions(const Settings& settings);
 /// Proofs written to files and checked by another program: MacMPEC, robots, small integers, families where a
 /// feasible point is hard to find, ill-conditioned complementarity problems.
 void proofs(const Settings& settings);

@@ -15,15 +15,15 @@ constexpr const char* kUsage = R"(Runs families of problems and prints what the 
 Usage: suite [FAMILY ...] [--seeds N] [--judge] [--starts K] [--peers COMMAND]
        suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]
 Families: macmpec perturbed robotics variants qpecs warm mpc growth horizons units throughput global hard statuses starts
-proofs conflicts qp coupled scenarios batches; all of them by default.
+sessions proofs conflicts qp coupled scenarios batches; all of them by default.
   --seeds N            of the random families, default 20
-  --judge              hard, statuses, starts, proofs, conflicts, scenarios, horizons and batches: on the half of the
-                       seeds that nothing is chosen on
+  --judge              hard, statuses, starts, sessions, proofs, conflicts, scenarios, horizons and batches: on the half
+                       of the seeds that nothing is chosen on
   --starts K           of the references where none is known, default 8
   --time-limit S       of global and proofs, default 60
-  --only NAME          of global and qp, that problem; of coupled small, large, hoppers or segments; of scenarios optima,
-                       chains, many or hopper; of proofs macmpec, robots, gates, qpecs, integers, hard or lcps; of
-                       batches cart-pole, hopper, random or tiny
+  --only NAME          of global and qp, that problem; of coupled small, large, hoppers or segments; of sessions random,
+                       hoppers or cart_poles; of scenarios optima, chains, many or hopper; of proofs macmpec, robots,
+                       gates, qpecs, integers, hard or lcps; of batches cart-pole, hopper, random or tiny
   --keep FOLDER        of proofs: leave problems and proofs there
   --steps N            of coupled and horizons, the hopper of that horizon: 120, 240, 480, 960 or 1920
   --option NAME=VALUE  of macmpec and robotics, a solver option; may be repeated
@@ -111,7 +111,8 @@ int main(int argc, char** argv) {
       {"units", suite::units},       {"throughput", suite::throughput}, {"global", suite::global},
       {"hard", suite::hard},         {"statuses", suite::statuses},     {"starts", suite::starts},
       {"proofs", suite::proofs},     {"conflicts", suite::conflicts},   {"qp", suite::qp},
-      {"coupled", suite::coupled},   {"scenarios", suite::scenarios},   {"batches", suite::batches}};
+      {"coupled", suite::coupled},   {"scenarios", suite::scenarios},   {"batches", suite::batches},
+      {"sessions", suite::sessions}};
   for (const std::string& name : wanted) {
     if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {
       std::fprintf(stderr, "suite: there is no family '%s'\n", name.c_str());

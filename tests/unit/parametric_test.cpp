@@ -7,6 +7,8 @@
 
 #include "branch/branch_engines.h"
 #include "marble/examples.h"
+#include "model/tuning.h"
+#include "support/branch.h"
 #include "support/random_problem.h"
 
 namespace marble {
@@ -201,6 +203,39 @@ TEST(Parametric, AProbeIsOfARowThatHasWayToGo) {
     }
   }
   EXPECT_GT(active, 0);
+}
+
+// Against all branches, each solved by itself.
+TEST(Parametric, SaysThatNoBranchGainsOnlyWhereNoneDoes) {
+  int excluded = 0, gained = 0;
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    const OwnedProblem p = testing::random_problem({.pairs = 3}, seed);
+    Setting s(p, tuning::exact_rho);
+    std::vector<std::optional<double>> optima;
+    for (unsigned branch = 0; branch < 8; ++branch) {
+      const std::vector<bool> s_zero = {(branch & 1U) != 0, (branch & 2U) != 0, (branch & 4U) != 0};
+      const Solution solution = solve_in_process(testing::branch(p, s_zero).view()).value();
+      optima.push_back(solution.status == Status::solved ? std::optional(solution.objective) : std::nullopt);
+    }
+    double best = kInfinity;
+    for (const std::optional<double>& optimum : optima) best = std::min(best, optimum.value_or(kInfinity));
+    for (unsigned branch = 0; branch < 8; ++branch) {
+      if (!optima[branch]) continue;
+      for (Index pair = 0; pair < 3; ++pair)
+        s.branch.point.set.fix(pair, (branch >> static_cast<unsigned>(pair) & 1U) != 0, false);
+      if (!s.branch.exact.solve(s.run, kBudget)) continue;
+      const double objective = s.problem.user_objective(s.branch.point.images.objective);
+      ASSERT_NEAR(objective, *optima[branch], 1e-7 * (1.0 + std::abs(objective))) << seed;
+      const bool gains = best < objective - 1e-6 * (1.0 + std::abs(objective));
+      if (!s.parametric.may_gain(s.branch.point, tuning::exactness)) {
+        ++excluded;
+        EXPECT_FALSE(gains) << seed << " branch " << branch << ": " << best << " is below " << objective;
+      }
+      gained += gains ? 1 : 0;
+    }
+  }
+  EXPECT_GT(excluded, 20);
+  EXPECT_GT(gained, 20);
 }
 
 }  // namespace

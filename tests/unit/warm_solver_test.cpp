@@ -3,11 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 #include <numeric>
 #include <random>
+#include <string>
 
 #include "marble/examples.h"
+#include "support/random_problem.h"
 
 namespace marble {
 namespace {
@@ -271,6 +274,60 @@ TEST(WarmSolver, AFirstPartThatIsWrongChangesNothing) {
   EXPECT_EQ(solver.prepare({.g = few}).error().field, "g");
   EXPECT_EQ(solver.prepare({}, {.initial_z = few}).error().field, "initial_z");
   EXPECT_EQ(solver.solve().value().objective, before.objective);
+}
+
+// A spring with one pair, force ⊥ gap, that a larger reward on the force makes better pressed against the
+// wall: the branch of the last solution stays a local minimum.
+TEST(WarmSolver, LeavesTheBranchOfOnePairWhenTheOtherOneIsBetter) {
+  OwnedProblem p;
+  Triplets Q, A, L, R;
+  Q.add(0, 0, 1.0);
+  Q.add(2, 2, 1.0);
+  A.add(0, 0, 1.0);
+  A.add(0, 1, -1.0);
+  A.add(0, 2, -1.0);
+  L.add(0, 2, 1.0);
+  R.add(0, 1, -1.0);
+  p.Q = compress(3, 3, Q, "Q").value();
+  p.A = compress(1, 3, A, "A").value();
+  p.C = compress(0, 3, {}, "C").value();
+  p.L = compress(1, 3, L, "L").value();
+  p.R = compress(1, 3, R, "R").value();
+  p.g = {-0.4, 0.0, 0.0};
+  p.b = p.l = {0.0};
+  p.r = {0.5};
+  WarmSolver session = WarmSolver::create(Problem::create(p.view()).value()).value();
+  EXPECT_NEAR(session.solve().value().objective, -0.08, 1e-9);
+  const Values rewarded = {-0.4, 0.0, -0.5};
+  const Solution warm = session.solve({.g = rewarded}).value();
+  EXPECT_NEAR(warm.objective, -0.115, 1e-9) << warm.detail;
+  EXPECT_TRUE(warm.proved) << warm.detail;
+  const Solution again = session.solve({.g = rewarded}).value();
+  EXPECT_NEAR(again.objective, -0.115, 1e-9);
+  EXPECT_EQ(again.factorizations, 1) << "nothing to search: " << again.detail;
+  EXPECT_NEAR(session.solve({.g = p.g}).value().objective, -0.08, 1e-9);
+  ASSERT_TRUE(session.set_options({.effort = 0.0}).has_value());
+  EXPECT_NEAR(session.solve({.g = rewarded}).value().objective, -0.08, 1e-9) << "the branch alone";
+}
+
+TEST(WarmSolver, WithFewPairsIsNeverAboveAColdSolve) {
+  int searched = 0;
+  for (const Index pairs : {1, 3, 6}) {
+    OwnedProblem p = testing::random_problem({.variables = 14, .pairs = pairs}, 3);
+    WarmSolver session = WarmSolver::create(Problem::create(p.view()).value()).value();
+    static_cast<void>(session.solve().value());
+    std::mt19937 random(5);
+    for (int step = 0; step < 20; ++step) {
+      for (double& entry : p.g) entry += static_cast<double>(random() % 1000U) / 1000.0 - 0.5;
+      const Solution warm = session.solve({.g = p.g}).value(), cold = solve_in_process(p.view()).value();
+      ASSERT_EQ(warm.status, Status::solved) << warm.detail;
+      EXPECT_LE(warm.objective, cold.objective + 1e-6 * (1.0 + std::abs(cold.objective)))
+          << pairs << " pairs, step " << step << ": " << warm.detail;
+      searched += warm.detail.find("max_small_problem_nodes") != std::string::npos ? 1 : 0;
+    }
+  }
+  EXPECT_GT(searched, 5);
+  EXPECT_LT(searched, 45) << "many steps need no tree";
 }
 
 }  // namespace

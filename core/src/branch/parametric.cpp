@@ -92,6 +92,7 @@ void Parametric::reset() {
   bordered_.clear();
   objective_ = start_objective_;
   events_ = 0;
+  lost_ = false;
   if (used_ + tuning::rows_apart > capacity_ && capacity_ < rows_) {  // space for at least one candidate
     std::fill(response_of_row_.begin(), response_of_row_.end(), -1);
     used_ = 0;
@@ -236,6 +237,11 @@ void Parametric::toggle(Index row) {
   state_[row].changed = !state_[row].changed;
 }
 
+bool Parametric::has_direction(Index prescribed, double prescribed_rate, Index driven) {
+  lost_ = events_ > tuning::rows_apart || !direction(prescribed, prescribed_rate, driven);
+  return !lost_;
+}
+
 // Raises the slack of a fixed active row until its negative multiplier has become 0.
 bool Parametric::release(Index row) {
   state_[row].fixed = false;
@@ -246,9 +252,10 @@ bool Parametric::release(Index row) {
   double slack = 0.0;
   state_[row].changed = true;
   for (Index event = row; event >= 0;) {
-    if (events_ > tuning::rows_apart || !direction(row, 1.0, -1)) return false;
+    if (!has_direction(row, 1.0, -1)) return false;
     const double rate = value_rate_[row];
-    if (rate <= tuning::roundoff) return false;
+    lost_ = rate <= tuning::roundoff;
+    if (lost_) return false;
     double length = -value_[row] / rate;
     event = first_event(length, -1);
     objective_ += length * (value_[row] + 0.5 * rate * length);
@@ -281,7 +288,7 @@ bool Parametric::drive(Index row, double limit) {
     if (slack <= tuning::rounding) value_[row] = 0.0;
   }
   while (slack > tuning::rounding) {
-    if (events_ > tuning::rows_apart || !direction(prescribed ? row : -1, -1.0, row)) return false;
+    if (!has_direction(prescribed ? row : -1, -1.0, row)) return false;
     const double multiplier = prescribed ? value_[row] : changed_[find(row)].value;
     const double rate = prescribed ? value_rate_[row] : changed_[find(row)].rate;
     double length = slack;
@@ -310,6 +317,33 @@ std::optional<double> Parametric::follow(std::span<const Move> moves, double cut
   }
   if (!(objective_ < cutoff)) return std::nullopt;
   return objective_;
+}
+
+bool Parametric::may_gain(const BranchPoint& point, double gain) {
+  start_objective_ = 0.0;
+  read_values(point, start_value_);
+  start(point);
+  std::vector<Index> pulling;
+  std::vector<Move> moves;
+  for (Index pair = 0; pair < problem_.pairs(); ++pair) {
+    const Index row = fixed_row(pair);
+    if (start_value_[row] < -tuning::pull) {
+      pulling.push_back(pair);
+      moves.push_back({row, false});
+    } else {
+      start_state_[row].fixed = false;
+      start_value_[row] = std::max(0.0, start_value_[row]);
+    }
+  }
+  return std::any_of(pulling.begin(), pulling.end(), [&](Index pair) {
+    const Index own = fixed_row(pair);
+    std::iter_swap(std::find_if(moves.begin(), moves.end(), [&](const Move& m) { return m.row == own; }),
+                   moves.end() - 1);
+    moves.push_back({free_row(pair), true});
+    const bool gains = follow(moves, -gain, 0.0).has_value() || lost_;
+    moves.pop_back();
+    return gains;
+  });
 }
 
 void Parametric::read_active_rows(WorkingSet& set) const {

@@ -43,6 +43,11 @@ class Parametric {
   /// many rows change, it stops on the way, where the next call continues.
   void follow_change(BranchPoint& point);
 
+  /// `point` solves its branch exactly, and `kkt` holds its factor. Switches each pair that pulls, with no
+  /// other pair complementary, and returns whether an optimum of these is lower by more than `gain`, or may
+  /// be. If none is and Q is convex, no branch is.
+  [[nodiscard]] bool may_gain(const BranchPoint& point, double gain);
+
   /// Rows of pair i at the start: the side that its branch fixes, and the other one.
   [[nodiscard]] Index fixed_row(Index pair) const { return start_.fixed_row(pair); }
   [[nodiscard]] Index free_row(Index pair) const { return start_.free_row(pair); }
@@ -91,6 +96,7 @@ class Parametric {
   void advance(double length);
   void toggle(Index row);
   void unchange(std::size_t k);
+  [[nodiscard]] bool has_direction(Index prescribed, double prescribed_rate, Index driven);
   [[nodiscard]] bool release(Index row);
   [[nodiscard]] bool drive(Index row, double limit);
   [[nodiscard]] std::size_t find(Index row) const;
@@ -101,6 +107,7 @@ class Parametric {
   Index rows_;
   double rho_ = 1.0, start_objective_ = 0.0, objective_ = 0.0;
   int events_ = 0;
+  bool lost_ = false;  // a move ended because too many rows changed, or without a direction
   WorkingSet start_;
   std::vector<RowState> start_state_, state_;  // by row
   // By row: its multiplier if it was active at the start, else its slack. For a changed row this is the value

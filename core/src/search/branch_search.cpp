@@ -278,6 +278,24 @@ void BranchSearch::search_near(Run& run, ConstVectorRef initial_z) {
     search_below_incumbent(run, initial_z, std::min(last, run.factorizations + tuning::engine_budget));
 }
 
+bool BranchSearch::may_improve(Run& run) {
+  const Run::Polishing polishing(run);
+  const ExactSolution& best = incumbent_.best();
+  point_.restore(best.x, best.set);
+  if (!point_.is_factored(tuning::exact_rho, tuning::exact_delta) &&
+      !point_.factor(run, tuning::exact_rho, tuning::exact_delta))
+    return true;
+  return search_.parametric().may_gain(point_, tuning::exactness * std::max(1.0, std::abs(best.objective)));
+}
+
+void BranchSearch::switch_pulling(Run& run) {
+  const Run::Polishing polishing(run);
+  const Run::Searching searching(run);
+  point_.restore(incumbent_.best().x, incumbent_.best().set);
+  switch_near_incumbent(run, tuning::search_patience, run.factorizations + tuning::engine_budget,
+                        "warm start, local search");
+}
+
 // From a soft start, as long as that may still end below the incumbent.
 void BranchSearch::search_below_incumbent(Run& run, ConstVectorRef initial_z, int last_factorization) {
   from_soft_start(run, initial_z, last_factorization, false, incumbent_.best().objective);

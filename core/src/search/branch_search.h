@@ -88,6 +88,11 @@ class BranchSearch {
   [[nodiscard]] bool take_branch_of(Run& run, const Iterate& solution, int budget);
   /// Searches for better branches near the incumbent and, if many of its pairs pull, from a soft start.
   void search_near(Run& run, ConstVectorRef initial_z);
+  /// False if no branch is better than the incumbent's, given that Q is convex. Takes a factorization if the
+  /// last one is not of the incumbent's rows.
+  [[nodiscard]] bool may_improve(Run& run);
+  /// Switches pairs of the incumbent, as long as that gains.
+  void switch_pulling(Run& run);
   /// Prepares start_from() of the same solution, before the last numbers of the problem are set.
   void prepare(Run& run, const Iterate& solution);
 

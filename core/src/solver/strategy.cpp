@@ -130,9 +130,8 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
   looked_for_ = {};
   if (warm_start && from <= Stage::mending) {
     if (search_.start_from(run, *warm_start->solution, warm_start->reference_objective, from)) {
-      Answer answer = finish_exact(run);
-      answer.stayed_warm = true;
-      answer.has_searched = search_.has_searched();
+      Answer answer = finish_step(run);
+      answer.has_searched = answer.has_searched || search_.has_searched();
       return answer;
     }
   }
@@ -168,6 +167,40 @@ void Strategy::judge_path_point() {
   images.evaluate(problem_, path_point_.x);
   path_point_.violations = violations(problem_, images);
   path_point_.objective = images.objective;
+}
+
+// The end of a warm step. Where Q is convex and no pair pulls, the branch's solution is the optimum without
+// complementarity too, so none is better. Where few pull, most often switching each of them shows the same;
+// otherwise a tree compares the branches of a small problem, and in a larger one pairs are switched.
+Strategy::Answer Strategy::finish_step(Run& run) {
+  const int pull = LocalSearch::pulling(incumbent_.best().x, incumbent_.best().set);
+  const bool few = pull > 0 && pull < tuning::many_pulling && may_search_on() && options_.effort > 0.0 &&
+                   !run.interrupted() && search_.may_improve(run);
+  const std::int64_t work = small_problem_work();
+  TreeResult tree;
+  const bool tree_is_cheap = problem_.pairs() < tuning::many_pulling && work > 0 && is_small(run);
+  if (few && tree_is_cheap && optimality_.convex(run)) {
+    tree = search_small_tree(run, incumbent_.best().x.z(), true, work);
+  } else if (few) {
+    search_.switch_pulling(run);
+  }
+  if (tree.ray) return {unbounded_along(*std::move(tree.ray)), &path_point_.x};
+  Answer answer = finish_exact(run);
+  answer.stayed_warm = true;
+  answer.has_searched = few && !run.interrupted();
+  if (!tree.remark.empty()) answer.ending.detail += "; max_small_problem_nodes: " + tree.remark;
+  if (tree.end != TreeResult::End::none) add_tree(answer, std::move(tree));
+  return answer;
+}
+
+// Of a tree that began at the incumbent before the last searches.
+void Strategy::add_tree(Answer& answer, TreeResult tree) const {
+  if (tree.proved) {
+    answer.b_stationary = true;
+  } else if (std::isfinite(tree.bound)) {
+    tree.measure(problem_.user_objective(incumbent_.best().objective));
+  }
+  answer.tree = std::move(tree);
 }
 
 // A feasible path point that is clearly lower than the exact solution near it is the better solution.
@@ -299,12 +332,7 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool is_first) {
   if (small)
     answer.ending.detail += "; max_small_problem_nodes: " + (convex ? tree.remark : "starts elsewhere");
   answer.ending.detail += remark;
-  if (tree.proved) {
-    answer.b_stationary = true;
-  } else if (std::isfinite(tree.bound)) {
-    tree.measure(problem_.user_objective(incumbent_.best().objective));
-  }
-  answer.tree = std::move(tree);
+  add_tree(answer, std::move(tree));
   return answer;
 }
 

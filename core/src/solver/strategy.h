@@ -112,6 +112,8 @@ class Strategy {
   [[nodiscard]] Answer run_reference(Run& run, ConstVectorRef initial_z);
   [[nodiscard]] Answer run_locally(Run& run, ConstVectorRef initial_z,
                                    const std::optional<WarmStart>& warm_start, Stage from);
+  [[nodiscard]] Answer finish_step(Run& run);
+  void add_tree(Answer& answer, TreeResult tree) const;
   [[nodiscard]] Answer search_globally(Run& run, Answer local, bool warm);
   [[nodiscard]] bool take_interior(Run& run);
   [[nodiscard]] Answer solve_densely(Run& run, Answer answer);
