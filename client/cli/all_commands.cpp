@@ -48,6 +48,20 @@ std::string wrong_word(const CLI::App& program, int argc, char** argv) {
   return "";
 }
 
+// Returns the word that a message of CLI11 refuses, as "--columns: kapa not in {…}" and "--priority: Check
+// high value in {…} FAILED" do; empty if it has none.
+std::string given_word(const std::string& what) {
+  const std::size_t colon = what.find(": ");
+  if (colon == std::string::npos) return "";
+  std::string_view rest = std::string_view(what).substr(colon + 2);
+  if (rest.starts_with("Check ")) rest.remove_prefix(6);
+  for (const std::string_view after : {" not in ", " value in "}) {
+    if (const std::size_t end = rest.find(after); end != std::string_view::npos)
+      return std::string(rest.substr(0, end));
+  }
+  return "";
+}
+
 // Returns the fault of an argument that must be one of a few words; empty for any other. CLI11's own has the
 // numbers that the words stand for.
 std::string wrong_choice(const CLI::App& program, const CLI::ParseError& error) {
@@ -63,7 +77,9 @@ std::string wrong_choice(const CLI::App& program, const CLI::ParseError& error) 
       if (!named || argument.choices.empty()) continue;
       std::string text;
       for (const std::string& choice : argument.choices) text += (text.empty() ? "" : ", ") + choice;
-      return name + ": must be one of " + text;
+      const std::string given = given_word(what);
+      return name + (given.empty() ? "" : " = " + given) + ": must be one of " + text +
+             did_you_mean(given, argument.choices);
     }
   }
   return "";

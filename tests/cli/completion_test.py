@@ -175,10 +175,10 @@ class Suggestions(unittest.TestCase):
 
     def test_values_of_which_there_are_few_are_listed(self):
         for arguments, words in (
-                (["solve", "--priority", "fast", "x.json"], "marble: --priority: must be one of realtime, interactive, batch\n"),
-                (["jobs", "--state", "done"], "marble: --state: must be one of queued, running, idle, finished\n"),
-                (["solve", "--output", "xml", "x.json"], "marble: --output: must be one of text, json\n"),
-                (["completion", "tcsh"], "marble: SHELL: must be one of bash, zsh, fish\n")):
+                (["solve", "--priority", "fast", "x.json"], "marble: --priority = fast: must be one of realtime, interactive, batch\n"),
+                (["jobs", "--state", "done"], "marble: --state = done: must be one of queued, running, idle, finished\n"),
+                (["solve", "--output", "xml", "x.json"], "marble: --output = xml: must be one of text, json\n"),
+                (["completion", "tcsh"], "marble: SHELL = tcsh: must be one of bash, zsh, fish\n")):
             self.assertEqual(words, self.said(*arguments))
         self.assertIn("--limit", self.said("jobs", "--limit", "-3"))
 

@@ -61,7 +61,9 @@ TEST(NonlinearPoles, AreLeftByUpdatesOfTheCurvatureOrSayWhyNot) {
       const Formula formula = formula_of(problem, distance);
       const auto answer = nonlinear::solve(problem_of(formula, false), nonlinear::open_ticks_in_process);
       ASSERT_TRUE(answer.has_value()) << problem.name << ": " << answer.error().message();
-      EXPECT_EQ(objection(formula, *answer), "") << problem.name << " from " << distance;
+      if (is_solved(answer->status)) {
+        EXPECT_EQ(objection(formula, *answer), "") << problem.name << " from " << distance;
+      }
       ++all, within += answer->ticks <= problem.most_lcqps;
       if (answer->status == Status::solved) {
         ++solved;

@@ -5,21 +5,18 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <deque>
 #include <map>
-#include <random>
-#include <set>
-#include <sstream>
 #include <thread>
+#include <utility>
 
 #include "base/wire.h"
 #include "disk.h"
+#include "judge.h"
 #include "marble/v1/service.pb.h"
+#include "random.h"
 #include "seams.h"
 #include "server.h"
 #include "service/admission.h"
-#include "service/job_requests.h"
-#include "service/reply.h"
 
 namespace marble::simulation {
 namespace {
@@ -27,54 +24,27 @@ namespace {
 using server::ServiceParts;
 using std::chrono::duration;
 
-constexpr std::size_t kHistory = 60;          // events that a report shows
-constexpr double kPatience_s = 120.0;         // a call that takes longer hangs
-constexpr double kStop_s = 0.15;              // from a deadline to the answer
-constexpr int kStarts = 2;                    // setting job_starts
-constexpr std::string_view kFatal = "fatal";  // request ids of jobs that kill their server begin so
-
-class Random {
- public:
-  explicit Random(std::uint64_t seed) : random_(seed) {}
-  double share() { return static_cast<double>(random_() >> 11) * 0x1p-53; }
-  bool chance(double probability) { return share() < probability; }
-  double between(double least, double most) { return least + (most - least) * share(); }
-  double exponential(double mean) { return -mean * std::log(1.0 - share()); }
-  std::size_t below(std::size_t count) { return static_cast<std::size_t>(random_() % count); }
-
- private:
-  std::mt19937_64 random_;
-};
+constexpr double kPatience_s = 120.0, kStop_s = 0.15;  // of a call; from a deadline to the answer
 
 void sleep(double seconds) { std::this_thread::sleep_for(duration<double>(seconds)); }
 double seconds_now() { return duration<double>(now()).count(); }
 
-// A job that a client has asked for, and what it knows of it.
-struct Known {
-  std::string request_id = {};
-  double gradient = 0.0;
-  std::string id = {};   // empty until the server has said it
-  bool deleted = false;  // asked for, whether or not the answer came
-  bool gone = false;     // its deletion was confirmed
-  bool cancelled = false;
-  bool ended = false;               // seen as finished
-  std::string answer = {};          // as first seen
-  std::int64_t crashes_before = 0;  // of the server, when it was first asked for
-  std::int64_t full_changes = 0;    // of the disk, when it was last asked for its answer
-  std::int64_t unwritten_at =
-      -1;  // lives of the server, when an answer came while the disk may have been full
-};
-
 class World {
  public:
   World(const Plan& plan, const std::string& folder, Outcome& outcome)
-      : plan_(plan), outcome_(outcome), server_(config(plan), folder), nemesis_(plan.seed * 7919 + 1) {}
+      : plan_(plan),
+        outcome_(outcome),
+        judge_(plan, outcome),
+        server_(config(plan), folder),
+        nemesis_(plan.seed * 7919 + 1) {}
+
+  [[noreturn]] void violated(const std::string& what) { judge_.violated(what); }
 
   void run() {
     seams().solve_time = [this] { return solve_time(); };
     seams().fault_point = [this](std::string_view name, std::string_view subject) { pass(name, subject); };
     install_disk([] { return draw_share(); });
-    must(server_.start(), "the first start");
+    judge_.must(server_.start(), "the first start");
     std::vector<std::thread> clients;
     for (int k = 0; k < plan_.clients; ++k) clients.emplace_back([this, k] { live(k); });
     std::thread nemesis([this] { disturb(); });
@@ -91,17 +61,6 @@ class World {
     outcome_.hand_overs = hand_overs();
   }
 
-  [[noreturn]] void violated(const std::string& what) {
-    outcome_.violation = what;
-    std::string text;
-    for (const std::string& line : history_) text += line + '\n';
-    outcome_.history = text;
-    std::printf("seed %llu: %s\nafter %.3f s:\n%s", static_cast<unsigned long long>(plan_.seed), what.c_str(),
-                seconds_now(), text.c_str());
-    std::fflush(stdout);
-    _exit(1);
-  }
-
  private:
   static server::Config config(const Plan& plan) {
     server::Config config;
@@ -112,20 +71,6 @@ class World {
     config.history_jobs = 1000000;
     config.drain_grace_s = 20.0;
     return config;
-  }
-
-  void note(const std::string& line) {
-    const std::lock_guard lock(mutex_);
-    char time[32];
-    std::snprintf(time, sizeof time, "%12.6f  ", seconds_now());
-    history_.push_back(time + line);
-    if (history_.size() > kHistory) history_.pop_front();
-  }
-  void must(const Expected<void>& done, const std::string& what) {
-    if (!done) violated(what + " fails: " + done.error().message());
-  }
-  void expect(bool holds, const std::string& what) {
-    if (!holds) violated(what);
   }
 
   Duration solve_time() {
@@ -139,13 +84,10 @@ class World {
 
   // On a thread of the server.
   void pass(std::string_view name, std::string_view subject) {
+    if (name == "job") judge_.begins(subject);
     bool dies = name == "job" && subject.starts_with(kFatal);
     {
       const std::lock_guard lock(mutex_);
-      if (name == "job" && over_.contains(std::string(subject)))
-        violated("job " + std::string(subject) + " begins after its cancellation or deletion was confirmed");
-      if (dies && ++deaths_[std::string(subject)] > kStarts + lost_submits_[std::string(subject)])
-        violated("job " + std::string(subject) + " is begun again, and has killed the server twice");
       if (const auto armed = armed_.find(std::string(name)); armed != armed_.end() && --armed->second <= 0) {
         armed_.erase(armed);
         dies = true;
@@ -153,8 +95,8 @@ class World {
     }
     if (!dies) return;
     const bool power = name != "job" && name != "take" && draw_share() < 0.5;
-    note(std::string(power ? "the power fails at " : "the server dies at ") + std::string(name) + " " +
-         std::string(subject));
+    judge_.note(std::string(power ? "the power fails at " : "the server dies at ") + std::string(name) + " " +
+                std::string(subject));
     ++outcome_.crashes;
     server_.kill(power);
   }
@@ -177,8 +119,8 @@ class World {
         sleep(nemesis_.exponential(plan_.down_s));
         if (server_.is_up()) continue;
         set_full(false);
-        must(server_.start(), "a start after a crash");
-        note("the server is up");
+        judge_.must(server_.start(), "a start after a crash");
+        judge_.note("the server is up");
         continue;
       }
       const double time = seconds_now();
@@ -191,26 +133,25 @@ class World {
           continue;
         }
         const bool power = nemesis_.chance(0.4);
-        note(power ? "the power fails" : "the server is killed");
+        judge_.note(power ? "the power fails" : "the server is killed");
         ++outcome_.crashes;
         server_.kill(power);
       } else if (time > stop) {
         stop = time + nemesis_.exponential(plan_.stop_s);
-        note("the server is stopped");
+        judge_.note("the server is stopped");
         ++outcome_.stops;
         server_.stop();
-        note("the server has stopped");
-        expect(seconds_now() < time + 20.0 + 5.0, "a stop takes longer than its grace period");
+        judge_.note("the server has stopped");
+        judge_.expect(seconds_now() < time + 20.0 + 5.0, "a stop takes longer than its grace period");
       }
     }
     set_full(false);
   }
 
   void set_full(bool full) {
-    if (full == full_) return;
-    full_ = full;
-    ++full_changes_;
-    note(full ? "the disk is full" : "the disk has space again");
+    if (std::exchange(full_, full) == full) return;
+    judge_.note(full ? "the disk is full" : "the disk has space again");
+    judge_.set_disk_full(full);
     set_disk_full(full);
   }
 
@@ -225,9 +166,9 @@ class World {
     const auto reply = std::make_shared<Reply<Value>>();
     if (!server_.call<Value>(reply, std::move(handle))) return std::nullopt;
     auto value = reply->wait(std::chrono::duration_cast<Duration>(duration<double>(patience_s)));
-    if (!value && !reply->is_lost()) violated(what + " is not answered");
+    if (!value && !reply->is_lost()) judge_.violated(what + " is not answered");
     sleep(random.between(1e-4, 5e-3));
-    expect(reply->times() <= 1, what + " is answered twice");
+    judge_.expect(reply->times() <= 1, what + " is answered twice");
     if (random.chance(plan_.lost_reply)) return std::nullopt;
     return value;
   }
@@ -293,12 +234,10 @@ class World {
       solve(me);
     }
   }
+  // One of the newest.
   static Known& any(Me& me) {
-    auto at = me.jobs.begin();
-    // Mostly one of the newest.
-    const std::size_t back = 1 + me.random.below(std::min<std::size_t>(me.jobs.size(), 8));
-    std::advance(at, static_cast<std::ptrdiff_t>(me.jobs.size() - back));
-    return at->second;
+    const std::size_t back = me.random.below(std::min<std::size_t>(me.jobs.size(), 8));
+    return std::next(me.jobs.rbegin(), static_cast<std::ptrdiff_t>(back))->second;
   }
 
   // A new job, or one once more: until the server has said that it has it, a client sends it again.
@@ -335,31 +274,29 @@ class World {
           *taken ? (*taken)(then) : then({});
         });
     if (!answer) {
-      note("Submit " + known.request_id + ": lost");
-      const std::lock_guard lock(mutex_);
-      ++lost_submits_[known.request_id];  // it may have run before it was kept
+      judge_.note("Submit " + known.request_id + ": lost");
+      judge_.submission_lost(known);
       return;
     }
     if (!*answer) {
-      note("Submit " + known.request_id + ": " + (*answer).error().message());
-      expect((*answer).error().code == ErrorCode::unavailable ||
-                 (*answer).error().code == ErrorCode::resource_exhausted,
-             "Submit is refused: " + (*answer).error().message());
-      expect(known.id.empty() || (*answer).error().code == ErrorCode::unavailable,
-             "a job that is kept is refused when it is sent again: " + (*answer).error().message());
+      judge_.note("Submit " + known.request_id + ": " + (*answer).error().message());
+      judge_.expect((*answer).error().code == ErrorCode::unavailable ||
+                        (*answer).error().code == ErrorCode::resource_exhausted,
+                    "Submit is refused: " + (*answer).error().message());
+      judge_.expect(known.id.empty() || (*answer).error().code == ErrorCode::unavailable,
+                    "a job that is kept is refused when it is sent again: " + (*answer).error().message());
       return;
     }
-    note("Submit " + known.request_id + ": " + **answer);
-    expect(known.id.empty() || known.id == **answer,
-           "request " + known.request_id + " was job " + known.id + ", and is " + **answer);
+    judge_.note("Submit " + known.request_id + ": " + **answer);
+    judge_.expect(known.id.empty() || known.id == **answer,
+                  "request " + known.request_id + " was job " + known.id + ", and is " + **answer);
     known.id = **answer;
   }
 
   // The result of a job. True if the job has ended, or does not exist for good reasons.
   bool look(Me& me, Known& known, double patience_s = 30.0) {
     if (known.id.empty()) return true;
-    forget_unwritten(known);
-    known.full_changes = full_changes_;
+    judge_.asks(known);
     using Answer = Expected<std::string>;
     struct Wait {
       std::mutex mutex;
@@ -397,69 +334,10 @@ class World {
         },
         patience_s + kPatience_s);
     if (!answer) return false;
-    forget_unwritten(known);
-    if (!*answer) return judge(known, (*answer).error());
-    expect(!known.gone, "job " + known.id + ", which was deleted, has an answer");
+    if (!*answer) return judge_.answered(known, (*answer).error());
     v1::SolveResponse response;
-    expect(response.ParseFromString(**answer), "the answer of " + known.id + " cannot be read");
-    judge(known, response);
-    return true;
-  }
-
-  bool judge(Known& known, const Error& error) {
-    note("Result " + known.id + ": " + error.message());
-    switch (error.code) {
-      case ErrorCode::not_found:
-        expect(known.deleted, "job " + known.id + ", which was accepted, is not known any more");
-        known.gone = true;
-        return true;
-      case ErrorCode::failed_precondition:
-        expect(!known.ended, "job " + known.id + " had ended, and has not");
-        return false;
-      case ErrorCode::unavailable:  // the server stops
-        expect(!known.ended, "job " + known.id + " had an answer, and has none: " + error.message());
-        return false;
-      default:
-        // A job that ran at two crashes is not begun a third time, whether or not it was their cause.
-        expect(known.cancelled || known.deleted || outcome_.crashes >= known.crashes_before + 2,
-               "job " + known.id + " fails: " + error.message());
-        return same(known, "error " + error.message());
-    }
-  }
-
-  void judge(Known& known, const v1::SolveResponse& response) {
-    const v1::Solution& solution = response.solution();
-    note("Result " + known.id + ": status " + std::to_string(solution.status()));
-    expect(response.job_id() == known.id, "the answer of " + known.id + " is that of " + response.job_id());
-    expect(!known.request_id.starts_with(kFatal), "a job that kills its server has an answer");
-    if (solution.status() == v1::STATUS_SOLVED) {
-      // The better of two branches: min ½z₀² + az₀ over z₀ ≥ 0, and min ½z₁² − z₁ over z₁ ≥ 0.
-      const double a = std::max(0.0, -known.gradient), best = std::min(-0.5 * a * a, -0.5);
-      expect(std::abs(solution.objective() - best) < 1e-6,
-             "the answer of " + known.id + " is that of another job");
-    } else {
-      expect(known.cancelled || known.deleted, "job " + known.id + " is not solved");
-    }
-    (void)same(known,
-               "status " + std::to_string(solution.status()) + " " + std::to_string(solution.objective()));
-  }
-
-  // What was answered while nothing could be written ends with the server, which then solves it again.
-  void forget_unwritten(Known& known) {
-    if (known.unwritten_at < 0 || known.unwritten_at == outcome_.crashes + outcome_.stops) return;
-    known.unwritten_at = -1;
-    known.ended = false;
-    known.answer.clear();
-  }
-
-  bool same(Known& known, const std::string& answer) {
-    if (known.answer.empty() && (full_ || full_changes_ != known.full_changes))
-      known.unwritten_at = outcome_.crashes + outcome_.stops;
-    expect(known.answer.empty() || known.answer == answer,
-           "the answer of " + known.id + " was '" + known.answer + "', and is '" + answer + "'");
-    known.answer = answer;
-    known.ended = true;
-    return true;
+    judge_.expect(response.ParseFromString(**answer), "the answer of " + known.id + " cannot be read");
+    return judge_.answered(known, response);
   }
 
   void cancel(Me& me, Known& known) {
@@ -476,13 +354,11 @@ class World {
                        *asked ? (*asked)([reply, response](const Expected<void>& done) { reply->send(done); })
                               : reply->send({});
                      });
-    note("Cancel " + known.id + ": " + (!answer ? "lost" : *answer ? "done" : (*answer).error().message()));
-    if (answer && *answer) set_over(known);
-  }
-
-  void set_over(const Known& known) {
-    const std::lock_guard lock(mutex_);
-    over_.insert(known.request_id);
+    judge_.note("Cancel " + known.id + ": " +
+                (!answer   ? "lost"
+                 : *answer ? "done"
+                           : (*answer).error().message()));
+    if (answer && *answer) judge_.is_over(known);
   }
 
   void remove(Me& me, Known& known) {
@@ -498,13 +374,16 @@ class World {
           if (!asked) return reply->send(unexpected(asked.error()));
           *asked ? (*asked)([reply](const Expected<void>& done) { reply->send(done); }) : reply->send({});
         });
-    note("Delete " + known.id + ": " + (!answer ? "lost" : *answer ? "done" : (*answer).error().message()));
+    judge_.note("Delete " + known.id + ": " +
+                (!answer   ? "lost"
+                 : *answer ? "done"
+                           : (*answer).error().message()));
     if (!answer) return;
     if (*answer) {
       known.gone = true;
-      set_over(known);
+      judge_.is_over(known);
     } else if ((*answer).error().code == ErrorCode::not_found) {
-      expect(again, "job " + known.id + ", which was accepted, cannot be deleted: it is not known");
+      judge_.expect(again, "job " + known.id + ", which was accepted, cannot be deleted: it is not known");
       known.gone = true;
     }
   }
@@ -541,7 +420,7 @@ class World {
                            std::chrono::duration_cast<server::Clock::duration>(duration<double>(limit_s));
           own.deadline = end;
           const auto job = make_job(parts, own, server::JobKind::solve, request_of("", gradient));
-          if (!job) return violated("a call is refused: " + job.error().message());
+          if (!job) return judge_.violated("a call is refused: " + job.error().message());
           (*job)->observer = observer;
           if (const auto place = parts.scheduler.admit(*job); !place)
             return reply->send(unexpected(place.error()));
@@ -551,29 +430,29 @@ class World {
           parts.scheduler.cancel(*job);  // as gRPC does at the deadline
           lock.lock();
           if (!observer->changed.wait_for(lock, duration<double>(kStop_s), [&] { return observer->over; }))
-            violated("a solve goes on for more than .15 s after its deadline");
+            judge_.violated("a solve goes on for more than .15 s after its deadline");
         },
         limit_s + kPatience_s);
     if (observer->started_s >= 0.0)
-      expect(observer->started_s <= began_s + limit_s + 0.02, "a solve begins after its deadline");
-    note(std::string("Solve: ") + (!answer                ? "lost"
-                                   : !*answer             ? (*answer).error().message()
-                                   : !(*answer)->solution ? (*answer)->solution.error().message()
-                                                          : "ended"));
+      judge_.expect(observer->started_s <= began_s + limit_s + 0.02, "a solve begins after its deadline");
+    judge_.note(std::string("Solve: ") + (!answer                ? "lost"
+                                          : !*answer             ? (*answer).error().message()
+                                          : !(*answer)->solution ? (*answer)->solution.error().message()
+                                                                 : "ended"));
   }
 
   // Everything that was accepted is answered, and nothing is left.
   void conclude() {
-    if (!server_.is_up()) must(server_.start(), "the last start");
-    note("the clients are done");
+    if (!server_.is_up()) judge_.must(server_.start(), "the last start");
+    judge_.note("the clients are done");
     for (Me& me : all_) {
       for (auto& [name, known] : me.jobs) {
         const double begin = seconds_now();
         while (!look(me, known, 60.0)) {
-          expect(seconds_now() < begin + 7200.0, "job " + known.id + " is never answered");
+          judge_.expect(seconds_now() < begin + 7200.0, "job " + known.id + " is never answered");
           if (server_.is_up()) continue;
           sleep(1.0);
-          must(server_.start(), "a start");
+          judge_.must(server_.start(), "a start");
         }
       }
     }
@@ -584,50 +463,27 @@ class World {
             reply->send(parts.scheduler.counters());
           });
       if (counters && counters->queued == 0 && counters->running == 0 && counters->request_bytes == 0) break;
-      expect(tries < 100, "jobs or bytes are left in the queue of a server that nobody uses");
+      judge_.expect(tries < 100, "jobs or bytes are left in the queue of a server that nobody uses");
       sleep(1.0);
     }
     const double begin = seconds_now();
     server_.stop();
-    expect(seconds_now() < begin + 2.0, "an idle server takes seconds to stop");
+    judge_.expect(seconds_now() < begin + 2.0, "an idle server takes seconds to stop");
   }
 
   const Plan plan_;
   Outcome& outcome_;
+  Judge judge_;
   Server server_;
   Random nemesis_;
   std::mutex mutex_;
-  std::deque<std::string> history_;
   std::map<std::string, int> armed_;  // fault points at which the server dies, and after how many passes
   bool quiet_ = false;
-  std::set<std::string, std::less<>>
-      over_;                           // request ids of jobs whose cancellation or deletion was confirmed
-  std::map<std::string, int> deaths_;  // of the server, by the request id of the job that it ran
-  std::map<std::string, int> lost_submits_;  // by request id
-  bool full_ = false;                        // the disk
-  std::int64_t full_changes_ = 0;
+  bool full_ = false;  // the disk
   std::vector<Me> all_;
 };
 
 }  // namespace
-
-Plan Plan::drawn(std::uint64_t seed, double hours) {
-  Random random(seed);
-  Plan plan{.seed = seed, .hours = hours};
-  plan.clients = 1 + static_cast<int>(random.below(8));
-  plan.workers = 1 + static_cast<int>(random.below(3));
-  plan.queue_jobs = random.chance(0.3) ? 4 + static_cast<int>(random.below(8)) : 64;
-  plan.think_s = std::exp(random.between(std::log(0.3), std::log(20.0)));
-  plan.solve_s = std::exp(random.between(std::log(0.02), std::log(5.0)));
-  plan.crash_s = std::exp(random.between(std::log(20.0), std::log(2000.0)));
-  plan.stop_s = std::exp(random.between(std::log(100.0), std::log(5000.0)));
-  if (random.chance(0.3)) plan.full_s = std::exp(random.between(std::log(50.0), std::log(1000.0)));
-  plan.down_s = std::exp(random.between(std::log(0.1), std::log(30.0)));
-  plan.lost_reply = random.chance(0.5) ? 0.0 : random.between(0.0, 0.1);
-  plan.fatal_job = random.chance(0.6) ? 0.0 : random.between(0.0, 0.02);
-  plan.preemption = random.chance(0.5) ? 0.02 : random.between(0.0, 0.2);
-  return plan;
-}
 
 void simulate(const Plan& plan, const std::string& folder, Outcome& outcome) {
   static World* world = nullptr;

@@ -88,19 +88,25 @@ TEST(SmallProblem, ATreeCutShortLosesNothingAndLeavesItsBound) {
   EXPECT_GT(counted, 0) << "nodes says what detail says";
 }
 
-TEST(SmallProblem, AWarmSolveDoesNotPayForIt) {
+// A branch at which pairs pull may not be the best: the tree compares it with the others, for less than a
+// cold solve.
+TEST(SmallProblem, AWarmSolveIsTheBestBranchForLessThanAColdSolve) {
   Options local;
   local.max_small_problem_nodes = 0;
+  int proved = 0, warm_work = 0, cold_work = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const OwnedProblem p = small(seed);
     const Problem problem = Problem::create(p.view()).value();
-    const Solution cold = solved(p, local);
-    if (cold.status != Status::solved) continue;
-    const Solution warm = Solver::create(problem).value().solve({.warm_start = &cold}).value();
-    const Solution plain = Solver::create(problem, local).value().solve({.warm_start = &cold}).value();
-    EXPECT_EQ(warm.factorizations, plain.factorizations) << seed;
-    EXPECT_EQ(warm.z, plain.z) << seed;
+    const Solution start = solved(p, local), cold = solved(p, {});
+    if (start.status != Status::solved || !cold.proved) continue;
+    const Solution warm = Solver::create(problem).value().solve({.warm_start = &start}).value();
+    EXPECT_NEAR(warm.objective, cold.objective, 1e-6 * (1.0 + std::abs(cold.objective))) << seed;
+    proved += warm.proved ? 1 : 0;
+    warm_work += warm.factorizations;
+    cold_work += cold.factorizations;
   }
+  EXPECT_GT(proved, 10);
+  EXPECT_LT(warm_work, cold_work);
 }
 
 // polish=false is about how a path ends, not about where a solve begins.
@@ -117,7 +123,7 @@ TEST(SmallProblem, AWarmStartIsTakenWithoutPolishToo) {
     const Solution warm = Solver::create(problem, rough).value().solve({.warm_start = &cold}).value();
     EXPECT_EQ(warm.status, Status::solved) << seed;
     EXPECT_NEAR(warm.objective, cold.objective, 1e-9 * (1.0 + std::abs(cold.objective))) << seed;
-    EXPECT_EQ(warm.factorizations, polished.factorizations) << seed << ": " << warm.detail;
+    EXPECT_LE(warm.factorizations, polished.factorizations) << seed << ": " << warm.detail;
     ++taken;
   }
   EXPECT_GT(taken, 10);
