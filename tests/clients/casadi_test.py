@@ -97,7 +97,7 @@ class Casadi(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder, local_and_remote(pathlib.Path(folder)) as clients:
             for client in clients:
                 with mpccsol("sweep", terms, server=client) as best, \
-                        mpccsol("sweep", terms, {"max_small_problem_nodes": 0}, server=client) as near:
+                        mpccsol("sweep", terms, {"max_small_problem_nodes": 0, "effort": 0}, server=client) as near:
                     for at in sweep:
                         least = at ** 2 if at < 2 else 4
                         self.assertAlmostEqual(float(best(p=at)["f"]), least, 6, at)
