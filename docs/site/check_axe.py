@@ -22,6 +22,10 @@ SAMPLES = [f"docs/{name}" for name in (  # cards, tables, tabs, code, pictures, 
     "reference/typescript/Client", "reference/proto/service", "reference/http")] + ["search", "core/OPTIONS"]
 SEARCHES = {"portfolio cardinality": "docs/learn/portfolio.html", "M-stationary": "docs/mathematics.html"}
 FIRST = 3  # a page must be among so many results
+# Colours change at once: a page is not measured on its way from light to dark.
+STILL = """const style = document.createElement("style");
+style.textContent = "*, *::before, *::after { transition: none !important; animation: none !important; }";
+document.head.append(style);"""
 RESULTS = """const area = document.querySelector("#search-results");
 if (!area?.querySelector("h2") || /Searching|Preparing/.test(area.textContent)) return null;
 return [...area.querySelectorAll("li > a")].map((link) => link.getAttribute("href").replace(/#.*/, ""));"""
@@ -71,6 +75,7 @@ def main():
             continue  # redirects
         browser.open(f"http://127.0.0.1:{server.server_port}/{page}")
         browser.run(script)
+        browser.run(STILL)
         for kind in range(4):
             width, height = SIZES[kind % 2]
             scheme = ("light", "dark")[kind // 2]
