@@ -26,6 +26,7 @@
 #include "process/signals.h"
 #include "process/supervisor.h"
 #include "service/info_service.h"
+#include "service/limits.h"
 #include "submissions/local_submissions.h"
 
 namespace {
@@ -45,32 +46,6 @@ bool write_lines(const std::string& path, const std::vector<std::string>& lines)
   }
   return std::rename(draft.c_str(), path.c_str()) == 0;
 }
-
-Clock::duration duration_of(double seconds) {
-  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
-}
-
-QueueLimits queue_limits(const Config& config) {
-  return {.workers = config.workers > 0 ? config.workers : usable_cores(),
-          .jobs = config.queue_jobs,
-          .bytes = config.queue_bytes,
-          .starvation_limit = config.starvation_limit,
-          .starvation_time = duration_of(config.starvation_limit_s)};
-}
-
-ResultLimits result_limits(const Config& config) {
-  return {duration_of(config.result_keep_s), config.result_bytes};
-}
-
-// Deletes results whose retention time is over.
-class ResultExpiry final : public TimerListener {
- public:
-  explicit ResultExpiry(ResultStore& results) : results_(results) {}
-  void on_timer(Clock::time_point now) override { results_.expire(now); }
-
- private:
-  ResultStore& results_;
-};
 
 // Logs the counts of suppressed lines of clients that no longer log any.
 class SuppressedLines final : public TimerListener {

@@ -3,7 +3,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <random>
 #include <string>
 #include <vector>
 
@@ -11,7 +10,9 @@
 #include "marble/batch_solver.h"
 #include "marble/examples.h"
 #include "marble/lcs.h"
+#include "marble/owned.h"
 #include "marble/warm_solver.h"
+#include "noise.h"
 #include "support/independent_check.h"
 #include "support/random_problem.h"
 #include "unit/lcs_systems.h"
@@ -67,31 +68,10 @@ struct Table {
   BatchNumbers numbers;
 };
 
-SparseMatrix owned(const SparseMatrixView& m) {
-  return {m.rows,
-          m.columns,
-          {m.column_pointers.begin(), m.column_pointers.end()},
-          {m.row_indices.begin(), m.row_indices.end()},
-          {m.values.begin(), m.values.end()}};
-}
-
-OwnedProblem owned(const ProblemView& v) {
-  const auto copy = [](std::span<const double> values) {
-    return std::vector<double>(values.begin(), values.end());
-  };
-  OwnedProblem p;
-  p.Q = owned(v.Q), p.A = owned(v.A), p.C = owned(v.C), p.L = owned(v.L), p.R = owned(v.R);
-  p.hessian_form = v.hessian_form;
-  p.g = copy(v.g), p.b = copy(v.b), p.d = copy(v.d), p.l = copy(v.l), p.r = copy(v.r), p.c0 = v.c0;
-  return p;
-}
-
 // A cart-pole between soft walls from random states: in a third of the plans, the pole touches a wall.
 Elements cart_poles(std::size_t count, std::uint64_t seed) {
-  std::mt19937_64 random(seed);
-  const auto within = [&](double size) {
-    return size * (2.0 * static_cast<double>(random() >> 11) * 0x1p-53 - 1.0);
-  };
+  Noise noise(seed);
+  const auto within = [&](double size) { return size * noise.uniform(); };
   const testing::OwnedSystem system = testing::cart_pole();
   auto planner = LcsPlanner::create(system.view(), testing::cart_pole_task(10)).value();
   Elements elements;
@@ -115,10 +95,8 @@ Elements hoppers(std::size_t count, std::uint64_t seed) {
 }
 
 Elements random_elements(const testing::RandomSizes& sizes, std::size_t count, std::uint64_t seed) {
-  std::mt19937_64 random(seed);
-  const auto within = [&](double size) {
-    return size * (2.0 * static_cast<double>(random() >> 11) * 0x1p-53 - 1.0);
-  };
+  Noise noise(seed);
+  const auto within = [&](double size) { return size * noise.uniform(); };
   Elements elements;
   elements.pattern = testing::random_problem(sizes, seed);
   for (std::size_t i = 0; i < count; ++i) {

@@ -61,7 +61,7 @@ void release(const void* mutex) {
 int wait(pthread_cond_t* condition, pthread_mutex_t* mutex, Nanoseconds deadline) {
   release(mutex);
   bool signalled = true;
-  if (scheduler->share() < scheduler->schedule().spurious_wakeup) {
+  if (scheduler->random().chance(scheduler->schedule().spurious_wakeup)) {
     scheduler->pass();
   } else {
     signalled = scheduler->block(&scheduler->waiters_on(condition), deadline, "waits for a condition");

@@ -20,10 +20,8 @@ double seconds_now() { return std::chrono::duration<double>(now()).count(); }
 }  // namespace
 
 void Judge::violated(const std::string& what) {
-  outcome_.violation = what;
   std::string text;
   for (const std::string& line : history_) text += line + '\n';
-  outcome_.history = text;
   std::printf("seed %llu: %s\nafter %.3f s:\n%s", static_cast<unsigned long long>(plan_.seed), what.c_str(),
               seconds_now(), text.c_str());
   std::fflush(stdout);

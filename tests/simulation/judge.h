@@ -9,9 +9,9 @@
 #include <string>
 #include <string_view>
 
+#include "environment.h"
 #include "marble/error.h"
 #include "marble/v1/service.pb.h"
-#include "world.h"
 
 namespace marble::simulation {
 

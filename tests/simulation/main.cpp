@@ -13,7 +13,7 @@
 #include <string>
 #include <string_view>
 
-#include "world.h"
+#include "environment.h"
 
 using namespace marble::simulation;
 
@@ -78,7 +78,7 @@ int main(int argc, char** argv) {
     const char* const value = k + 1 < argc ? argv[++k] : nullptr;
     char* end = nullptr;
     const double number = value == nullptr ? 0.0 : std::strtod(value, &end);
-    if (value == nullptr || end == value || *end != '\0' || !(number > 0.0)) {
+    if (value == nullptr || end == value || *end != '\0' || !(number > 0.0 && number < 1e15)) {
       std::fputs(kUsage, stderr);
       return 2;
     }

@@ -1,7 +1,7 @@
 #include <cmath>
 
+#include "environment.h"
 #include "random.h"
-#include "world.h"
 
 namespace marble::simulation {
 

@@ -1,4 +1,4 @@
-// Random numbers of one client, or of one cause of trouble, that follow from a seed.
+// Random numbers of the scheduler, of one client or of one cause of trouble, that follow from a seed.
 #pragma once
 
 #include <cmath>
@@ -10,11 +10,12 @@ namespace marble::simulation {
 class Random {
  public:
   explicit Random(std::uint64_t seed) : random_(seed) {}
-  double share() { return static_cast<double>(random_() >> 11) * 0x1p-53; }
+  std::uint64_t bits() { return random_(); }
+  double share() { return static_cast<double>(bits() >> 11) * 0x1p-53; }
   bool chance(double probability) { return share() < probability; }
   double between(double least, double most) { return least + (most - least) * share(); }
   double exponential(double mean) { return -mean * std::log(1.0 - share()); }
-  std::size_t below(std::size_t count) { return static_cast<std::size_t>(random_() % count); }
+  std::size_t below(std::size_t count) { return static_cast<std::size_t>(bits() % count); }
 
  private:
   std::mt19937_64 random_;

@@ -3,27 +3,12 @@
 #include <string>
 
 #include "disk.h"
+#include "service/limits.h"
 #include "submissions/local_submissions.h"
 
 namespace marble::simulation {
-namespace {
 
 using namespace marble::server;
-
-server::Clock::duration duration_of(double seconds) {
-  return std::chrono::duration_cast<server::Clock::duration>(std::chrono::duration<double>(seconds));
-}
-
-class Expiry final : public TimerListener {
- public:
-  explicit Expiry(ResultStore& results) : results_(results) {}
-  void on_timer(server::Clock::time_point now) override { results_.expire(now); }
-
- private:
-  ResultStore& results_;
-};
-
-}  // namespace
 
 // In the order of server/main.cpp.
 class Parts {
@@ -35,31 +20,20 @@ class Parts {
         board_({config.history_jobs, 10, 10}),
         feeds_(config.watchers),
         results_(
-            {duration_of(config.result_keep_s), config.result_bytes},
-            [this](const std::string& id) { store_->forget(id); },
+            result_limits(config), [this](const std::string& id) { store_->forget(id); },
             [this](const std::string& id) { store_->forget_request(id); }),
         sessions_({config.sessions, config.session_bytes}),
         connections_({}, log_),
-        scheduler_(std::make_shared<Scheduler>(
-            QueueLimits{.workers = config.workers,
-                        .jobs = config.queue_jobs,
-                        .bytes = config.queue_bytes,
-                        .starvation_limit = config.starvation_limit,
-                        .starvation_time = duration_of(config.starvation_limit_s)},
-            board_, log_, metrics_)),
-        expiry_(std::make_shared<Expiry>(results_)),
+        scheduler_(std::make_shared<Scheduler>(queue_limits(config), board_, log_, metrics_)),
+        expiry_(std::make_shared<ResultExpiry>(results_)),
         all_{config_, access_,  log_,        metrics_,  timer_,       board_,
              feeds_,  results_, *scheduler_, sessions_, connections_, calls_} {
     timer_.add(scheduler_);
     timer_.add(expiry_);
   }
   [[nodiscard]] Expected<void> begin(const std::string& folder) {
-    auto store = JobStore::open(folder, log_);
-    if (!store) return unexpected(store.error());
-    store_ = *std::move(store);
-    auto begun = LocalSubmissions::begin(all_, store_.get());
-    if (!begun) return unexpected(begun.error());
-    submissions_ = *std::move(begun);
+    MARBLE_ASSIGN_OR_RETURN(store_, JobStore::open(folder, log_));
+    MARBLE_ASSIGN_OR_RETURN(submissions_, LocalSubmissions::begin(all_, store_.get()));
     all_.submissions = submissions_.get();
     return {};
   }
@@ -78,7 +52,7 @@ class Parts {
   SessionTable sessions_;
   ConnectionTable connections_;
   std::shared_ptr<Scheduler> scheduler_;
-  std::shared_ptr<Expiry> expiry_;
+  std::shared_ptr<ResultExpiry> expiry_;
   Timer timer_;
   ServiceParts all_;
   std::unique_ptr<Submissions> submissions_;
@@ -86,7 +60,6 @@ class Parts {
 
 Server::Server(Config config, std::filesystem::path folder)
     : config_(std::move(config)), folder_(std::move(folder)) {}
-Server::~Server() = default;
 
 bool Server::is_up() {
   const std::lock_guard lock(mutex_);
@@ -180,12 +153,12 @@ void Server::kill(bool power_failure) {
 }
 
 void Server::lose_calls() {
-  std::vector<std::function<bool()>> lose;
+  std::vector<std::function<void()>> lose;
   {
     const std::lock_guard lock(mutex_);
     lose.swap(lose_);
   }
-  for (const auto& one : lose) (void)one();
+  for (const auto& one : lose) one();
 }
 
 }  // namespace marble::simulation

@@ -11,8 +11,6 @@
 #include <vector>
 
 #include "service/service_parts.h"
-#include "store/job_store.h"
-#include "store/submissions.h"
 #include "threads.h"
 
 namespace marble::simulation {
@@ -59,7 +57,6 @@ class Server {
  public:
   /// Keeps its jobs in folders below `folder`: a new copy after each crash, as a dead server's locks stay.
   Server(server::Config config, std::filesystem::path folder);
-  ~Server();
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
@@ -81,9 +78,7 @@ class Server {
     if (parts_ == nullptr) return false;
     const server::ServiceParts& parts = *parts_;
     lose_.emplace_back([weak = std::weak_ptr(reply)] {
-      const auto there = weak.lock();
-      if (there != nullptr) there->lose();
-      return there != nullptr;
+      if (const auto there = weak.lock(); there != nullptr) there->lose();
     });
     ++calls_;
     simulation::start(group_, "call", [this, &parts, reply, handle = std::move(handle)] {
@@ -110,7 +105,7 @@ class Server {
   bool stops_ = false, ended_ = true;
   int calls_ = 0;
   std::optional<Error> failed_;
-  std::vector<std::function<bool()>> lose_;
+  std::vector<std::function<void()>> lose_;
 };
 
 }  // namespace marble::simulation

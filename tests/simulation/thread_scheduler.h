@@ -14,12 +14,12 @@
 #include <functional>
 #include <limits>
 #include <memory>
-#include <random>
 #include <sstream>
 #include <string>
 #include <unordered_map>
 #include <vector>
 
+#include "random.h"
 #include "threads.h"
 
 namespace marble::simulation {
@@ -86,12 +86,12 @@ class Scheduler {
 
   [[nodiscard]] Nanoseconds time() const { return now_; }
   Nanoseconds look_at_clock() { return now_ += kReading; }
-  std::uint64_t draw() { return random_(); }
-  double share() { return static_cast<double>(random_() >> 11) * 0x1p-53; }
+  Random& random() { return random_; }
 
   // A point at which another thread may run on.
   void preemption_point() {
-    if (killing_ >= 0 && self->group == killing_ ? self->held == 0 : share() < schedule_.preemption) pass();
+    if (killing_ >= 0 && self->group == killing_ ? self->held == 0 : random_.chance(schedule_.preemption))
+      pass();
   }
   void pass() {
     if (ready_.empty() && killing_ < 0) return;
@@ -117,7 +117,7 @@ class Scheduler {
     thread->deadline = kNever;
     ready_.push_back(thread);
   }
-  Thread* any_of(const std::deque<Thread*>& queue) { return queue[draw() % queue.size()]; }
+  Thread* any_of(const std::deque<Thread*>& queue) { return queue[random_.below(queue.size())]; }
 
   // The last of a thread: another one runs on, and this one is not waited for.
   void finish() {
@@ -135,10 +135,6 @@ class Scheduler {
     return static_cast<Group>(groups_.size()) - 1;
   }
   [[nodiscard]] bool is_alive(Group group) const { return alive_[static_cast<std::size_t>(group)]; }
-  [[nodiscard]] int threads_of(Group group) const {
-    return static_cast<int>(std::ranges::count(living_, group, &Thread::group));
-  }
-
   void kill(Group group) {
     killer_ = self;
     alive_[static_cast<std::size_t>(group)] = false;
@@ -200,7 +196,7 @@ class Scheduler {
       return taken(holds != ready_.end() ? holds : std::ranges::find(ready_, killer_));
     }
     if (ready_.empty()) pass_time();
-    return taken(ready_.begin() + static_cast<std::ptrdiff_t>(draw() % ready_.size()));
+    return taken(ready_.begin() + static_cast<std::ptrdiff_t>(random_.below(ready_.size())));
   }
   Thread* taken(std::vector<Thread*>::iterator at) {
     Thread* const thread = *at;
@@ -236,7 +232,7 @@ class Scheduler {
   }
 
   const Schedule schedule_;
-  std::mt19937_64 random_;
+  Random random_;
   const std::function<void(const std::string&)> stuck_;
   Nanoseconds now_ = 0;
   std::vector<std::unique_ptr<Thread>> all_;

@@ -56,8 +56,8 @@ void run(const Schedule& schedule, const std::function<void()>& main,
 }
 
 Duration now() { return Duration(scheduler->time()); }
-std::uint64_t draw() { return scheduler->draw(); }
-double draw_share() { return scheduler->share(); }
+std::uint64_t draw() { return scheduler->random().bits(); }
+double draw_share() { return scheduler->random().share(); }
 Group new_group(std::string name) { return scheduler->new_group(std::move(name)); }
 Group current_group() { return self->group; }
 void start(Group group, std::string name, std::function<void()> body) {
@@ -69,7 +69,6 @@ void start(Group group, std::string name, std::function<void()> body) {
 }
 void kill(Group group) { scheduler->kill(group); }
 bool is_alive(Group group) { return scheduler->is_alive(group); }
-int threads_of(Group group) { return scheduler->threads_of(group); }
 std::uint64_t digest() { return scheduler->digest(); }
 std::int64_t hand_overs() { return scheduler->hand_overs(); }
 

@@ -44,8 +44,6 @@ void start(Group group, std::string name, std::function<void()> body);
 /// locks that all servers of this process share. Does not return if the caller is of the group.
 void kill(Group group);
 [[nodiscard]] bool is_alive(Group group);
-/// Number of threads of the group that have not ended.
-[[nodiscard]] int threads_of(Group group);
 
 /// A number that differs, in all likelihood, once any two runs differ: of every hand-over between threads.
 [[nodiscard]] std::uint64_t digest();

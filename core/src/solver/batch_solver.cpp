@@ -12,6 +12,7 @@
 #include <thread>
 #include <utility>
 
+#include "marble/owned.h"
 #include "model/interrupt.h"
 #include "model/tuning.h"
 #include "solver/batch_order.h"
@@ -20,24 +21,6 @@ namespace marble {
 namespace {
 
 constexpr int most_threads = 256;
-
-SparseMatrix copy_of(const SparseMatrixView& m) {
-  return {m.rows,
-          m.columns,
-          {m.column_pointers.begin(), m.column_pointers.end()},
-          {m.row_indices.begin(), m.row_indices.end()},
-          {m.values.begin(), m.values.end()}};
-}
-
-OwnedProblem copy_of(const ProblemView& view) {
-  OwnedProblem p;
-  p.hessian_form = view.hessian_form;
-  p.c0 = view.c0;
-#define MARBLE_VECTOR(letter, field) p.letter.assign(view.letter.begin(), view.letter.end());
-#define MARBLE_MATRIX(letter, field, values, rows) p.letter = copy_of(view.letter);
-#include "marble/contract.def"
-  return p;
-}
 
 ProblemUpdate all_numbers(const OwnedProblem& p) {
   return {p.c0, p.g, p.b, p.d, p.l, p.r, p.Q.values, p.A.values, p.C.values, p.L.values, p.R.values};
@@ -57,7 +40,7 @@ Expected<void> check_size(std::size_t given, std::size_t count, std::size_t size
 
 Expected<void> check_part(std::span<const double> values, std::size_t count, std::size_t size,
                           const char* field) {
-  if (auto valid = check_size(values.size(), count, size, field); !valid) return valid;
+  MARBLE_RETURN_IF_ERROR(check_size(values.size(), count, size, field));
   if (values.empty()) return {};
   for (std::size_t i = 0; i < count; ++i) {
     const std::span<const double> own = values.subspan(i * size, size);
@@ -83,7 +66,7 @@ Expected<void> check_numbers(const BatchNumbers& numbers, const PartSizes& sizes
 #include "marble/contract.def"
                {"initial_z", numbers.initial_z, sizes.g}};
   for (const auto& part : parts) {
-    if (auto valid = check_part(part.values, numbers.count, part.size, part.field); !valid) return valid;
+    MARBLE_RETURN_IF_ERROR(check_part(part.values, numbers.count, part.size, part.field));
   }
   return {};
 }
@@ -382,28 +365,26 @@ BatchSolver::~BatchSolver() = default;
 
 Expected<BatchSolver> BatchSolver::create(const Problem& problem, const Options& options,
                                           const SetupControls& controls) {
-  if (auto valid = validate_without_explain(options); !valid) return unexpected(valid.error());
-  auto first = Solver::create(problem, options, controls);
-  if (!first) return unexpected(first.error());
+  MARBLE_RETURN_IF_ERROR(validate_without_explain(options));
+  MARBLE_ASSIGN_OR_RETURN(auto first, Solver::create(problem, options, controls));
   auto state = std::make_unique<State>();
-  state->pattern = copy_of(problem.view());
+  state->pattern = owned(problem.view());
   state->sizes = PartSizes::of(problem);
   state->options = options;
   state->limits.most_bytes = controls.most_bytes;
   state->limits.most_factorization_s = controls.most_factorization_s;
   state->limits.reference_methods = controls.reference_methods;
-  state->solvers.emplace_back(*std::move(first));
+  state->solvers.emplace_back(std::move(first));
   return BatchSolver(std::move(state));
 }
 
 Expected<BatchResult> BatchSolver::solve(const BatchNumbers& numbers, const BatchSolverControls& controls) {
-  if (auto valid = check_numbers(numbers, state_->sizes); !valid) return unexpected(valid.error());
+  MARBLE_RETURN_IF_ERROR(check_numbers(numbers, state_->sizes));
   if (controls.threads < 0 || controls.threads > most_threads)
     return unexpected(invalid("threads", std::to_string(controls.threads),
                               "must be in [0, " + std::to_string(most_threads) + "]"));
   if (controls.start != nullptr) {
-    if (auto valid = check_start(*controls.start, numbers.count, state_->sizes); !valid)
-      return unexpected(valid.error());
+    MARBLE_RETURN_IF_ERROR(check_start(*controls.start, numbers.count, state_->sizes));
   }
   std::size_t threads = controls.threads > 0 ? static_cast<std::size_t>(controls.threads)
                                              : std::max(1U, std::thread::hardware_concurrency());

@@ -6,20 +6,11 @@
 #include "file/content.h"
 #include "marble/convert.h"
 #include "marble/json_problem.h"
+#include "marble/owned.h"
 #include "message_text.h"
 
 namespace marble::client {
 namespace {
-
-SparseMatrix owned(const SparseMatrixView& view) {
-  return {view.rows,
-          view.columns,
-          {view.column_pointers.begin(), view.column_pointers.end()},
-          {view.row_indices.begin(), view.row_indices.end()},
-          {view.values.begin(), view.values.end()}};
-}
-
-std::vector<double> owned(std::span<const double> values) { return {values.begin(), values.end()}; }
 
 // The binary form is the message marble.v1.Problem.
 Expected<ProblemFile> parse_binary(std::string_view content, const std::string& name) {
@@ -33,13 +24,8 @@ Expected<ProblemFile> parse_binary(std::string_view content, const std::string& 
   if (const auto valid = Problem::create(view); !valid)
     return unexpected(of_field(message_field(valid.error().field), valid.error()));
   ProblemFile file;
-  OwnedProblem& problem = file.problem;
-  problem.name = message.name().empty() ? name : message.name();
-  problem.hessian_form = view.hessian_form;
-  problem.c0 = view.c0;
-#define MARBLE_VECTOR(letter, field) problem.letter = owned(view.letter);
-#define MARBLE_MATRIX(letter, field, update, vector) problem.letter = owned(view.letter);
-#include "marble/contract.def"
+  file.problem = owned(view);
+  file.problem.name = message.name().empty() ? name : message.name();
   return file;
 }
 

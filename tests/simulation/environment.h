@@ -7,7 +7,7 @@
 
 namespace marble::simulation {
 
-/// How the world is; drawn from the seed, so that seeds differ in their weights (swarm testing).
+/// How the environment is; drawn from the seed, so that seeds differ in their weights (swarm testing).
 struct Plan {
   std::uint64_t seed = 1;
   double hours = 1.0;
@@ -27,8 +27,6 @@ struct Plan {
 };
 
 struct Outcome {
-  std::string violation;  ///< empty: none
-  std::string history;    ///< the last events before it, one a line
   double hours = 0.0;
   std::int64_t calls = 0, jobs = 0, solves = 0, crashes = 0, stops = 0, hand_overs = 0;
   std::uint64_t digest = 0;

@@ -1,11 +1,10 @@
-#include "world.h"
+#include "environment.h"
 
 #include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <map>
 #include <thread>
 #include <utility>
 
@@ -17,6 +16,7 @@
 #include "seams.h"
 #include "server.h"
 #include "service/admission.h"
+#include "store/submissions.h"
 
 namespace marble::simulation {
 namespace {
@@ -29,9 +29,9 @@ constexpr double kPatience_s = 120.0, kStop_s = 0.15;  // of a call; from a dead
 void sleep(double seconds) { std::this_thread::sleep_for(duration<double>(seconds)); }
 double seconds_now() { return duration<double>(now()).count(); }
 
-class World {
+class Environment {
  public:
-  World(const Plan& plan, const std::string& folder, Outcome& outcome)
+  Environment(const Plan& plan, const std::string& folder, Outcome& outcome)
       : plan_(plan),
         outcome_(outcome),
         judge_(plan, outcome),
@@ -486,15 +486,15 @@ class World {
 }  // namespace
 
 void simulate(const Plan& plan, const std::string& folder, Outcome& outcome) {
-  static World* world = nullptr;
+  static Environment* environment = nullptr;
   run(
       {.seed = plan.seed, .preemption = plan.preemption, .spurious_wakeup = 0.001},
       [&] {
-        world =
-            new World(plan, folder, outcome);  // NOLINT(cppcoreguidelines-owning-memory): threads are left
-        world->run();
+        environment = new Environment(plan, folder,
+                                      outcome);  // NOLINT(cppcoreguidelines-owning-memory): threads are left
+        environment->run();
       },
-      [](const std::string& waits) { world->violated(waits); });
+      [](const std::string& waits) { environment->violated(waits); });
 }
 
 }  // namespace marble::simulation
