@@ -384,7 +384,6 @@ class Environment {
       judge_.is_over(known);
     } else if ((*answer).error().code == ErrorCode::not_found) {
       judge_.expect(again, "job " + known.id + ", which was accepted, cannot be deleted: it is not known");
-      known.gone = true;
     }
   }
 

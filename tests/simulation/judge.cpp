@@ -47,8 +47,8 @@ bool Judge::answered(Known& known, const Error& error) {
   note("Result " + known.id + ": " + error.message());
   switch (error.code) {
     case ErrorCode::not_found:
+      // Until its deletion is confirmed, a server that dies may have it again.
       expect(known.deleted, "job " + known.id + ", which was accepted, is not known any more");
-      known.gone = true;
       return true;
     case ErrorCode::failed_precondition:
       expect(!known.ended, "job " + known.id + " had ended, and has not");
